@@ -6,11 +6,11 @@ INSTALLED := $(VENV)/.installed
 DEMO_FRAMES ?= ::10
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
-# PyTorch's own index has a CPU build for Linux, which takes 4.5 GB less than PyPI's, with CUDA: TORCH_INDEX=
-# (empty) takes that one. docs/install.md has a table of what takes how much.
+# PyTorch's index has a CPU build for Linux, 4.5 GB smaller than PyPI's CUDA build, which an empty TORCH_INDEX=
+# selects. docs/install.md has a table of sizes.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n '/^torch==/p' constraints.txt)
-# Without --no-compile, pip makes bytecode of all modules, 0.5 GB; Python makes it of those that are used.
+# Without --no-compile, pip compiles all modules to 0.5 GB of bytecode; Python compiles only those it imports.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
 .PHONY: install demo test wheel-test nightly fuzz lint format checkpoint docs viewer clean
@@ -22,14 +22,14 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 		{ echo "advpipe needs Python 3.10 or later; set PYTHON=python3.11, for instance"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
-		{ echo "cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv"; exit 1; }
+		{ echo "cannot create a virtual environment; on Debian or Ubuntu: apt-get install python3-venv"; exit 1; }
 	@echo "installing into $(VENV): 2.7 GB, mostly PyTorch, SUMO and Open3D (docs/install.md)"
 	@test "$$(uname -s)" != Linux || test -z "$(TORCH_INDEX)" || \
 		$(PIP_INSTALL) --no-deps --retries 0 --index-url $(TORCH_INDEX) $(TORCH) 2> /dev/null || \
 		echo "$(TORCH_INDEX) has no $(TORCH) for this Python, or cannot be reached:" \
 			"PyTorch comes from pip's usual index; on Linux that is the CUDA build, 4.5 GB more"
 	$(PIP_INSTALL) --upgrade --constraint constraints.txt --editable '.[dev]'
-	@# eclipse-sumo and libsumo bring the same 111 libraries, 230 MB: kept once.
+	@# eclipse-sumo and libsumo contain the same 111 libraries, 230 MB; hard links keep one copy.
 	@! command -v hardlink > /dev/null || \
 		hardlink -t $(VENV)/lib/python*/site-packages/eclipse_sumo.libs \
 			$(VENV)/lib/python*/site-packages/libsumo.libs > /dev/null 2>&1 || true
@@ -50,7 +50,7 @@ wheel-test:
 nightly: $(INSTALLED)
 	$(BIN)/python -m pytest tests
 
-# Hostile inputs of every kind; docs/fuzzing.md says how to run one again. Exit code 1 for findings.
+# Hostile inputs of all formats; docs/fuzzing.md explains how to repeat one. Exit code 1 for findings.
 fuzz: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,fuzz]'
 	nice -n 15 $(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)

@@ -29,8 +29,10 @@ CAM_DTYPE = np.dtype(
 )
 """What a vehicle's CAM says; NaN for what it leaves out or calls unavailable."""
 
-RECEIVED_CAM_DTYPE = np.dtype([*CAM_DTYPE.descr, ("power_dbm", "f8"), ("sinr_db", "f8")])
-"""The same for a received CAM, with its power and SINR; NaN where the bag does not record them."""
+RECEIVED_CAM_DTYPE = np.dtype([*CAM_DTYPE.descr, ("power_dbm", "f8"), ("sinr_db", "f8"), ("number", "i8")])
+"""The same for a received CAM, with its power and SINR, and the number of the sent message that it truly was:
+ground truth, by which `v2x_labels.parquet` names messages too. NaN and -1 where the bag does not record them.
+"""
 
 FIX_DTYPE = np.dtype(
     [("stamp_ns", "i8"), ("latitude_deg", "f8"), ("longitude_deg", "f8"), ("altitude_m", "f8")]
@@ -108,7 +110,7 @@ class Bag:
                 f"{self.path}: {vehicle} receives no CAMs; vehicles that do: {', '.join(known) or 'none'}"
             )
         rows = [
-            (*said, each.power_dbm, each.sinr_db)
+            (*said, each.power_dbm, each.sinr_db, -1 if each.number is None else each.number)
             for each in recorded_receptions(self._reader, vehicle)
             if each.payload is not None and (said := _cam(each.arrival_ns, each.payload))
         ]

@@ -1,4 +1,4 @@
-"""How fast a data set is packed and unpacked, and whether every flipped bit of an archive is found.
+"""Measures how fast a data set is packed and unpacked, and whether every flipped bit of an archive is found.
 
     python benchmarks/archive.py [--megabytes 500] [--rounds 5] [--flips 1000]
 
@@ -48,7 +48,7 @@ def make_set(folder: Path, megabytes: int) -> None:
 
 
 def count_found(folder: Path, flips: int) -> int:
-    """Of so many single flipped bits at random places of an archive, how many unpacking finds."""
+    """How many of a number of single bits, flipped at random offsets of an archive, unpacking detects."""
     folder.mkdir()
     small = folder / "small"
     make_set(small, 4)

@@ -1,4 +1,4 @@
-"""What the attacks on clouds cost beside the detector's own passes, and frames an hour by preset.
+"""Measures the time of attacks on clouds relative to the detector's passes, and frames per hour by preset.
 
     python benchmarks/attack.py [BAG] [--rounds 5] [--steps 40] [--presets small 360 kitti] [--recipes ...]
     python benchmarks/attack.py [BAG] --device cuda [--batches 1 4 8 16]

@@ -1,4 +1,4 @@
-"""How fast bags are written and read, beside the bare MCAP library with the same bytes and checks.
+"""Measures how fast bags are written and read, relative to the bare MCAP library with the same checks.
 
     python benchmarks/bag.py [--frames 120] [--rounds 7]
 

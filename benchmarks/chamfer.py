@@ -1,4 +1,4 @@
-"""The Chamfer distance of two clouds beside scipy's k-d tree.
+"""Measures the Chamfer distance of two clouds relative to scipy's k-d tree.
 
     python benchmarks/chamfer.py [--points 100000] [--rounds 7] [--workers 2]
 

@@ -1,4 +1,4 @@
-"""Timing on a machine that others share: two ways side by side, in one process, in turns."""
+"""Timing on a shared machine: two implementations in one process, in alternating rounds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Comparison:
     def line(self, amount: float, unit: str, mark: float) -> str:
         """One line: both rates, as medians of `amount` a run, the ratio and whether it reaches the mark.
 
-        mark: 0 for a figure that nothing is asked of.
+        mark: the required ratio; 0 for none.
         """
         ours, peer = (amount / statistics.median(times) for times in (self.ours_s, self.peer_s))
         verdict = f"mark {mark:.2f}  {'ok' if self.ratio >= mark else 'BELOW'}" if mark else ""
@@ -62,7 +62,7 @@ def compare(
 
 
 def machine() -> str:
-    """What the figures were measured on, in one line."""
+    """The machine of the measurements, in one line."""
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     return (
         f"{_processor()}, {os.cpu_count()} cores{load}; {platform.system()} {platform.machine()}, "

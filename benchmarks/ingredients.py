@@ -1,4 +1,4 @@
-"""What each ingredient of recipe `best` brings: mAP ratios and Chamfer distances on a validation drive.
+"""Ablation of the recipe `best`: mAP ratios and Chamfer distances on a validation drive.
 
     python benchmarks/ingredients.py BAG perturb|detach|attach [--budgets 5] [--only LINE ...] [--write]
 
@@ -58,7 +58,7 @@ from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.targets import find_targets
 
 OBJECTS = 20
-"""Of a class with fewer in the chosen frames, average precision says little."""
+"""With fewer objects of a class in the chosen frames, its average precision is not meaningful."""
 
 TREATMENTS = {"plain": "", "jitter": "jitter:0.01", "rounding": "quantise:0.01"}
 """What is done to clean and attacked clouds before the detector sees them."""

@@ -1,4 +1,4 @@
-"""What an installation takes on disk, as the table in docs/install.md.
+"""Measures the disk space of an installation, as the table in docs/install.md.
 
     python benchmarks/installed_size.py            # of the environment that runs it
 

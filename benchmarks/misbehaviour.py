@@ -270,12 +270,12 @@ def _print_attacks(found: dict[str, Detection]) -> tuple[float, float]:
     print("\n| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
     ours, base = [], []
     for attack_name, each in found.items():
-        if each.lies:
+        if each.false_messages:
             ours.append(each.ours.f1)
             base.append(each.baseline.f1)
         published = next((part.published for part in each.parts if part.attack == attack_name), math.nan)
         cells = (*_cells(each.ours), *_cells(each.baseline), _cell(published))
-        print(f"| `{attack_name}` | {each.lies} | " + " | ".join(cells) + " |")
+        print(f"| `{attack_name}` | {each.false_messages} | " + " | ".join(cells) + " |")
     means = sum(ours) / max(len(ours), 1), sum(base) / max(len(base), 1)
     better = sum(a > b for a, b in zip(ours, base, strict=True))
     print(

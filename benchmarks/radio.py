@@ -1,4 +1,4 @@
-"""What the radio costs: messages a second, against the bare distances and one logarithm of each pair.
+"""Measures the radio's messages per second, relative to distances and one logarithm of each pair.
 
     python benchmarks/radio.py [stations] [messages a second of each] [seconds]
 

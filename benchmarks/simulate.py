@@ -1,4 +1,4 @@
-"""The whole of stage 1 against bare ray casting, in the same run.
+"""Measures the stage `simulate` relative to bare ray casting, in the same run.
 
 Bare casting is what a simulation cannot do without: one cast of all rays into the static scene, and one
 into a scene of all moving meshes, which is built anew in every frame. Both are timed in every frame, one

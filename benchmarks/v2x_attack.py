@@ -1,4 +1,4 @@
-"""How fast a message attack goes through a drive: against the codec's own decode-plus-encode rate.
+"""Measures the speed of a message attack on a drive, relative to decoding plus encoding alone.
 
 Ours: what every station sent goes, step by step, through the attack and its labels, and then through the
 radio to the instrumented vehicle's map; decoding, encoding and reception included. The drive's steps are in
@@ -26,7 +26,7 @@ REACH = 0.5
 
 
 def record(folder: Path, vehicles: int, duration_s: float) -> BagReader:
-    """A drive with next to no LiDAR in which everybody sends."""
+    """A drive with almost no LiDAR in which all vehicles send."""
     settings = [
         "sensors.lidars.lidar.channels=1",
         "sensors.lidars.lidar.points_per_second=1000",

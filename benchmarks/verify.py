@@ -1,4 +1,4 @@
-"""How fast `verify` is, beside reading and hashing the same bytes; and whether it finds every flipped bit.
+"""Measures `verify` relative to reading and hashing the same bytes, and whether it finds every flipped bit.
 
     python benchmarks/verify.py DATA_SET [--rounds 5] [--flips 1000] [--lone 300] [--full]
 

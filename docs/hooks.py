@@ -1,8 +1,8 @@
 """MkDocs hooks: what the code knows is read from the code, so that no page has to repeat it.
 
 A page asks for the table of a family's attacks with `<!-- catalogue: v2x -->`, for the whole docstrings of
-their classes with `<!-- details: v2x -->`, and for the meaning of a report's figures with
-`<!-- figures: detection -->`.
+their classes with `<!-- details: v2x -->`, for the meaning of a report's values with
+`<!-- figures: detection -->`, and for all keys of a list in `report.json` with `<!-- keys: v2x -->`.
 Pictures of the committed reports are served as `reports/...`.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,8 +105,13 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replaces each `<!-- KIND: NAME -->` by what it asks for."""
-    kinds: dict[str, Callable[[str], str]] = {"catalogue": catalogue, "details": details, "figures": figures}
-    return re.sub(r"<!-- (catalogue|details|figures): (\w+) -->", lambda it: kinds[it[1]](it[2]), markdown)
+    kinds: dict[str, Callable[[str], str]] = {
+        "catalogue": catalogue,
+        "details": details,
+        "figures": figures,
+        "keys": keys,
+    }
+    return re.sub(rf"<!-- ({'|'.join(kinds)}): (\w+) -->", lambda it: kinds[it[1]](it[2]), markdown)
 
 
 def catalogue(family: str) -> str:
@@ -125,9 +130,7 @@ def catalogue(family: str) -> str:
         ),
         "gnss": (("attack", "in the paper", "what it does"), _gnss_row),
     }[family]
-    rows = [row(name, kind) for name, kind in _attacks(family).items()]
-    lines = [heads, ("---",) * len(heads), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return _table(heads, [row(name, kind) for name, kind in _attacks(family).items()])
 
 
 def details(family: str) -> str:
@@ -140,22 +143,39 @@ def details(family: str) -> str:
 
 
 def figures(section: str) -> str:
-    """What the figures of a section of the report mean, in the report's own words."""
+    """The meanings of a section's values, in the report's own words, with their keys in `report.json`."""
     from advpipe.stages.evaluate.cooperative import section as cooperative
     from advpipe.stages.evaluate.coordinated import section as coordinated
     from advpipe.stages.evaluate.localisation import section as localisation
-    from advpipe.stages.evaluate.report.report import FORMULAS
+    from advpipe.stages.evaluate.report.report import DEFINITIONS
+    from advpipe.stages.evaluate.v2x import section as v2x
 
-    pairs = {
-        "detection": tuple(FORMULAS.items()),
-        "localisation": tuple(
-            (name, text.replace("{of_what}", "drive")) for name, text in localisation.FORMULAS
-        ),
+    formulas = {
+        "detection": DEFINITIONS,
+        "localisation": localisation.FORMULAS,
+        "v2x": v2x.FORMULAS,
         "cooperative": cooperative.FORMULAS,
         "coordinated": coordinated.FORMULAS,
     }[section]
-    rows = "\n".join(f"| `{name}` | {_escaped(text)} |" for name, text in pairs)
-    return f"| figure | meaning |\n|---|---|\n{rows}"
+    rows = [
+        (each.name.replace("_", " "), _code(each.keys), _escaped(each.meaning.replace("{of_what}", "drive")))
+        for each in formulas
+    ]
+    return _table(("value", "keys in `report.json`", "meaning"), rows)
+
+
+def keys(section: str) -> str:
+    """All keys of what `report.json` lists under `section`, as its JSON Schema describes them."""
+    from advpipe.pipeline.results.schema import report_schema
+
+    items = report_schema()["properties"][section]["items"]
+    found = {**items["properties"], **items.get("patternProperties", {})}
+    rows = [
+        (f"`{key}`", _escaped(each["description"]))
+        for key, each in found.items()
+        if not each.get("deprecated")
+    ]
+    return _table(("key", "meaning"), rows)
 
 
 def _attacks(family: str) -> Mapping[str, type[Attack]]:
@@ -181,6 +201,15 @@ def _v2x_row(name: str, kind: Any) -> tuple[str, ...]:
 def _gnss_row(name: str, kind: Any) -> tuple[str, ...]:
     also = ", ".join(f"`{word}`" for word in kind.traits.also_known_as)
     return _link(name), also, _summary(kind)
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ("---",) * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _code(names: Sequence[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def _link(name: str) -> str:

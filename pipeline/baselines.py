@@ -1,7 +1,7 @@
-"""Random changes of a cloud under a given budget: what an attack must beat to be called one.
+"""Random baselines: random changes of a cloud under a given budget, with which attacks are compared.
 
-Each function spends exactly the budget it is given, so that an attack and its baseline differ only
-in where they spend it (Carlini et al. 2019, "On Evaluating Adversarial Robustness", section 3.4).
+Each function uses exactly the given budget, so that an attack and its baseline differ only in where they
+use it (Carlini et al. 2019, "On Evaluating Adversarial Robustness", section 3.4).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ NEAR_M = 0.5
 def remove_random_points(
     cloud: Cloud, count: int, rng: np.random.Generator, boxes: Boxes | None = None
 ) -> npt.NDArray[np.int64]:
-    """Take `count` points of a cloud (N,) away, uniformly: the indices of the N - count kept, ascending.
+    """Remove `count` points of a cloud (N,) uniformly: returns the indices (N - count,) kept, ascending.
 
-    With boxes, from the points near them, and only what those lack from the others. Points that are not
-    finite are rays without an echo: they are no points to take.
+    With boxes, points near them are removed first, and other points only if those are too few. Points that
+    are not finite (rays without an echo) are never removed.
     """
     is_finite = np.isfinite(xyz(cloud)).all(axis=1)
     near = is_finite & points_near(cloud, boxes)
@@ -37,10 +37,11 @@ def remove_random_points(
 def add_random_points(
     cloud: Cloud, count: int, distance_m: float, rng: np.random.Generator, boxes: Boxes | None = None
 ) -> Cloud:
-    """Append `count` points, each uniformly in the ball of radius `distance_m` around a random point.
+    """Append `count` points to a cloud (N,), each drawn uniformly from a ball around a randomly drawn point.
 
-    The random points are those in the boxes grown by `distance_m`; all points where no boxes are
-    given or none holds a point. A new point copies the other fields of the point it starts from.
+    The balls have the radius `distance_m`. Their centres are drawn from the points in the boxes enlarged by
+    `distance_m`, or from all points if there are no boxes or none holds a point. A new point copies the other
+    fields of the point at its ball's centre.
     """
     if len(cloud) == 0 or count == 0:
         return cloud.copy()
@@ -52,14 +53,14 @@ def add_random_points(
 
 
 def points_near(cloud: Cloud, boxes: Boxes | None, margin_m: float = NEAR_M) -> npt.NDArray[np.bool_]:
-    """Which points of a cloud (N,) lie in the boxes, grown by a margin; all where no boxes are given."""
+    """Which points of a cloud (N,) lie in the boxes, enlarged by a margin; all points if boxes is None."""
     if boxes is None:
         return np.ones(len(cloud), bool)
     return points_near_boxes(cloud, boxes.geometry, margin_m)
 
 
 def points_near_boxes(cloud: Cloud, boxes: Float64, margin_m: float = NEAR_M) -> npt.NDArray[np.bool_]:
-    """Which points of a cloud (N,) lie in the boxes (M, 7), grown by a margin."""
+    """Which points of a cloud (N,) lie in the boxes (M, 7), enlarged by a margin."""
     near = np.zeros(len(cloud), bool)
     for inside in points_in_boxes(xyz(cloud), boxes, margin_m):
         near[inside] = True
@@ -69,7 +70,7 @@ def points_near_boxes(cloud: Cloud, boxes: Float64, margin_m: float = NEAR_M) ->
 def move_within(
     start: npt.NDArray[np.float32], offset_m: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float32]:
-    """`start + offset` (N, 3) in float32, rounded towards `start`: never farther away than the offset."""
+    """`start + offset` (N, 3) as float32, rounded towards `start`: no point moves beyond its offset."""
     offset = np.asarray(offset_m, dtype=np.float64)
     end = (start + offset).astype(np.float32)
     too_far = np.abs(end.astype(np.float64) - start) > np.abs(offset)
@@ -77,13 +78,13 @@ def move_within(
 
 
 def random_offsets(count: int, radius_m: float, rng: np.random.Generator) -> Float64:
-    """Vectors (count, 3), uniform over the ball of that radius, none longer than it."""
+    """Vectors (count, 3), uniform over the ball of radius `radius_m`; rounding never makes one longer."""
     length = radius_m * rng.random((count, 1)) ** (1 / 3)  # uniform over the ball's volume
     return random_directions(count, rng) * length
 
 
 def random_directions(count: int, rng: np.random.Generator) -> Float64:
-    """Unit vectors (count, 3), uniform over the sphere; a hair short, so that rounding cannot exceed 1."""
+    """Unit vectors (count, 3), uniform over the sphere; shortened by 1e-12, so that no length exceeds 1."""
     vectors = rng.standard_normal((count, 3))
     length: Float64 = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / length * (1 - 1e-12)

@@ -1,4 +1,4 @@
-"""Clouds and boxes from above on a picture's axes: forward is up."""
+"""Draws clouds and boxes in bird's-eye view on matplotlib axes; forward is up."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Float64 = npt.NDArray[np.float64]
 Limits = tuple[float, float, float, float]
-"""x_min, x_max, y_min, y_max in the LiDAR's frame, metres."""
+"""x_min, x_max, y_min, y_max in the LiDAR's frame, in metres."""
 
 TRUTH = "#1d5fd1"
 REMOVED, ADDED, MOVED = "#f08c00", "#c2189b", "#7a3ff2"
@@ -22,7 +22,7 @@ HEIGHTS = LinearSegmentedColormap.from_list("heights", ["#c3cad3", "#8d98a6", "#
 
 
 def prepare_axes(axes: Axes, limits: Limits) -> None:
-    """Axes of equal scale, without ticks, y pointing left."""
+    """Set the axes to equal scale, without ticks, with y pointing left."""
     axes.set_aspect("equal")
     axes.set_xlim(limits[3], limits[2])
     axes.set_ylim(limits[0], limits[1])
@@ -33,7 +33,7 @@ def prepare_axes(axes: Axes, limits: Limits) -> None:
 
 
 def draw_points(axes: Axes, cloud: Cloud, limits: Limits, area: float) -> None:
-    """The points within the limits, the darker the higher above the ground."""
+    """Draw the points of a cloud (N,) within the limits; higher points are darker. area: size in points²."""
     points = xyz(cloud)
     x, y = points[:, 0], points[:, 1]
     points = points[(x > limits[0]) & (x < limits[1]) & (y > limits[2]) & (y < limits[3])]
@@ -58,7 +58,7 @@ def draw_boxes(
     grow_m: float = 0.0,
     heading: bool = True,
 ) -> None:
-    """Outlines of boxes (K, 7) with a short line out of the front."""
+    """Draw the outlines of boxes (K, 7), enlarged by `grow_m`, with a short line out of the front."""
     if not len(boxes):
         return
     grown = boxes.copy()
@@ -75,7 +75,7 @@ def draw_boxes(
 
 
 def draw_rings(axes: Axes, limits: Limits) -> None:
-    """Circles every 20 m around the sensor, and the sensor as an arrow."""
+    """Draw circles every 20 m around the sensor, and the sensor as an arrow."""
     angle = np.linspace(0, 2 * np.pi, 361)
     farthest = np.hypot(max(abs(limits[0]), abs(limits[1])), max(abs(limits[2]), abs(limits[3])))
     for radius in range(20, int(farthest) + 1, 20):

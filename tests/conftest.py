@@ -1,4 +1,4 @@
-"""What all tests share: oracles must be there on the integration server, and may be absent elsewhere."""
+"""Fixtures of all tests; oracles (independent programs) are required on the integration server only."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-# Tests run side by side: threads of theirs would only be in each other's way.
+# Tests run in parallel processes, so more threads would only slow them down.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# Tests started in the background have ctrl-C ignored, by nohup SIGHUP; commands would take that over.
+# Tests in the background ignore Ctrl-C, and under nohup SIGHUP; commands would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
@@ -21,7 +21,7 @@ if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_I
 
 @pytest.fixture(scope="session", autouse=True)
 def tracebacks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder where every command that a test runs, in whatever process, reports unexpected errors."""
+    """The folder to which every command of a test, in any process, reports unexpected errors."""
     folder = tmp_path_factory.mktemp("tracebacks")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ADVPIPE_TRACEBACK_DIR", str(folder))
@@ -30,7 +30,7 @@ def tracebacks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(autouse=True)
 def unexpected_errors_fail(tracebacks: Path) -> Iterator[None]:
-    """An error that nobody thought of fails the test in which it happens, even one that expects a failure."""
+    """An unexpected error fails the test in which it happens, even a test that expects a failure."""
     yield
     found = sorted(tracebacks.glob("advpipe-error-*.txt"))
     texts = [path.read_text(encoding="utf-8") for path in found]
@@ -41,7 +41,7 @@ def unexpected_errors_fail(tracebacks: Path) -> Iterator[None]:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, None]:
-    """On the integration server, an oracle's test that is skipped has failed."""
+    """On the integration server, a skipped oracle test is a failure."""
     outcome = yield
     report = outcome.get_result()  # type: ignore[attr-defined]
     if os.environ.get("CI") and report.skipped and item.get_closest_marker("oracle"):

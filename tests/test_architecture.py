@@ -15,8 +15,8 @@ ROOT = Path(__file__).parents[1]
 TOP = ("cli", "campaigns")
 """Packages of `pipeline/` that stand above the stages."""
 
-PUBLIC = ("bag", "commands")
-"""What lies in `api/`, above the campaigns; the command line stands on it."""
+PUBLIC = ("bag", "commands", "networks")
+"""The modules of `api/`, above the campaigns; the command line imports them."""
 
 LAYERS = (
     {"core"},
@@ -95,7 +95,7 @@ def circles(pairs: Iterator[tuple[str, str]], packages: set[str]) -> list[str]:
     return found
 
 
-def test_circles_are_seen() -> None:
+def test_import_cycles_are_detected() -> None:
     packages = {"a", "a.b", "c"}
     assert circles(iter([("a.b.x", "a.y"), ("a.y", "a.b.z")]), packages) == ["a: b -> y -> b"]
     assert circles(iter([("a.x", "c.x"), ("c.y", "a.y")]), packages) == [": a -> c -> a"]
@@ -107,7 +107,7 @@ def test_no_package_imports_in_a_circle() -> None:
     assert circles(edges(), packages) == []
 
 
-def test_stages_stand_on_the_pipeline_and_not_on_one_another() -> None:
+def test_stages_import_the_pipeline_and_not_one_another() -> None:
     for one, other in edges():
         if one.startswith("pipeline."):
             assert other.startswith("pipeline."), f"{one} imports {other}"
@@ -118,8 +118,8 @@ def test_stages_stand_on_the_pipeline_and_not_on_one_another() -> None:
             )
 
 
-def test_only_the_command_line_stands_on_the_public_functions() -> None:
-    """`import advpipe` is for users; what it is made of knows nothing of it."""
+def test_only_the_command_line_imports_the_public_api() -> None:
+    """`import advpipe` is for users; the packages below do not import it."""
     public = {"api", *(f"top.{name}" for name in PUBLIC)}
 
     def is_public(module: str) -> bool:
@@ -130,7 +130,7 @@ def test_only_the_command_line_stands_on_the_public_functions() -> None:
     assert all(one.startswith("top.cli.") for one in on_them)
 
 
-def test_layers_of_the_pipeline() -> None:
+def test_pipeline_packages_import_lower_layers_only() -> None:
     height = {name: level for level, names in enumerate(LAYERS) for name in names}
     for one, other in edges():
         if one.startswith("pipeline.") and other.startswith("pipeline."):
@@ -140,7 +140,7 @@ def test_layers_of_the_pipeline() -> None:
 SUMO = "stages.simulate.traffic.sumo."
 
 
-def test_only_its_own_folder_speaks_to_sumo() -> None:
+def test_only_the_sumo_folder_imports_sumo() -> None:
     speaking = set()
     for module, path in modules().items():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -151,11 +151,11 @@ def test_only_its_own_folder_speaks_to_sumo() -> None:
     assert speaking == {f"{SUMO}connection", f"{SUMO}server"}
 
 
-def test_of_sumos_folder_only_the_registry_knows() -> None:
+def test_only_the_registry_imports_the_sumo_folder() -> None:
     others = {one for one, other in edges() if other.startswith(SUMO) and not one.startswith(SUMO)}
     assert others == {"stages.simulate.traffic.registry"}
 
 
 @pytest.mark.parametrize("module", ["pipeline.cli", "pipeline.campaigns.sweep"])
-def test_the_top_is_seen(module: str) -> None:
+def test_the_top_layer_is_detected(module: str) -> None:
     assert module.replace("pipeline", "top") in modules()

@@ -1,4 +1,4 @@
-"""What the integration server makes of an oracle that is missing."""
+"""A missing oracle on the integration server."""
 
 from __future__ import annotations
 

@@ -62,15 +62,15 @@ def wheel(built: Built) -> list[str]:
     return built.names
 
 
-def test_the_build_warns_of_nothing(built: Built) -> None:
+def test_the_build_has_no_warnings(built: Built) -> None:
     warnings = [
         line for line in built.log.splitlines() if re.search(r"(?<!/)(warn|deprecat)", line, re.IGNORECASE)
     ]
     assert warnings == []
 
 
-def test_all_that_is_no_python_is_in_the_wheel(wheel: list[str]) -> None:
-    """Whatever kind of file lies in a package: messages, networks, templates, weights, their cards."""
+def test_all_data_files_are_in_the_wheel(wheel: list[str]) -> None:
+    """All data files in packages: messages, networks, templates, weights and their cards."""
     found = 0
     for top in ("pipeline", "stages", "scenarios"):
         for path in (ROOT / top).rglob("*"):
@@ -103,7 +103,7 @@ WINDOWS = {"platform_system": "Windows", "platform_machine": "AMD64"}
         (WINDOWS, "3.13", {"open3d": "0.20.0"}),
     ],
 )
-def test_pip_takes_the_open3d_that_loads(
+def test_pip_selects_the_open3d_that_loads(
     built: Built, system: dict[str, str], python: str, expected: dict[str, str]
 ) -> None:
     """0.20 needs libusb, and comes with it, wherever there are no wheels of 0.19."""
@@ -143,13 +143,13 @@ def test_the_table_of_sizes_names_every_dependency(built: Built) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs make")
 @pytest.mark.parametrize("index", ["https://download.pytorch.org/whl/cpu", "https://example.org/whl", ""])
-def test_make_takes_the_cpu_build_of_torch_unless_told_otherwise(index: str, tmp_path: Path) -> None:
+def test_make_installs_the_cpu_build_of_torch_by_default(index: str, tmp_path: Path) -> None:
     default = index == "https://download.pytorch.org/whl/cpu"
     command = ["make", "--dry-run", "--always-make", "install", f"VENV={tmp_path}/venv"]
     command += [] if default else [f"TORCH_INDEX={index}"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
-    asked = re.search(r"--no-deps --retries 0 --index-url (\S*) torch==2\.13\.0", done.stdout)
-    assert asked is not None
+    requested = re.search(r"--no-deps --retries 0 --index-url (\S*) torch==2\.13\.0", done.stdout)
+    assert requested is not None
     assert f'test -z "{index}" ||' in done.stdout
 
 

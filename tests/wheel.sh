@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Builds the sdist, the wheel from it, and for every Python at hand: installs the wheel in a fresh environment
+# Builds the sdist and the wheel from it; for each installed Python, installs the wheel in a fresh environment
 # without constraints and runs simulate, attack and evaluate from an empty folder.
 #
-# attack and evaluate need PyTorch. Where only its CUDA build is to be had, which is gigabytes, it is left out:
-# then every dependency is resolved, simulate, inspect and verify run, and attack and evaluate must say in one
-# line what is missing. ADVPIPE_WHEEL_CUDA=1 installs it all the same. PYTHONS="3.11 3.13" chooses Pythons.
+# attack and evaluate need PyTorch. If only its CUDA build of several gigabytes is available, it is not installed:
+# then every dependency is resolved, simulate, inspect and verify run, and attack and evaluate must fail with a
+# one-line error. ADVPIPE_WHEEL_CUDA=1 installs it anyway. PYTHONS="3.11 3.13" selects Python versions.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 torch_index=${TORCH_INDEX-https://download.pytorch.org/whl/cpu}
@@ -18,15 +18,15 @@ main() {
     build
     local tested=0 version python
     for version in ${PYTHONS:-3.10 3.11 3.12 3.13 3.14}; do
-        python=$(interpreter "$version") || { note "Python $version" "no interpreter here: not tested"; continue; }
+        python=$(interpreter "$version") || { note "Python $version" "no interpreter found: not tested"; continue; }
         mkdir "$scratch/empty"
-        # A function that `||` follows runs without `set -e`: each Python has a shell of its own.
+        # A function before `||` runs without `set -e`, so each Python runs in a separate shell.
         bash -euo pipefail -c "$(declare -f); $(declare -p torch torch_index scratch wheel pip_options); try $python" ||
-            { note "Python $version" "FAILED; the lines above say where"; exit 1; }
+            { note "Python $version" "FAILED; see the lines above"; exit 1; }
         tested=$((tested + 1))
         rm -rf "$scratch/venv" "$scratch/empty"
     done
-    [ "$tested" -gt 0 ] || { note "wheel" "FAILED: no Python is at hand"; exit 1; }
+    [ "$tested" -gt 0 ] || { note "wheel" "FAILED: no Python found"; exit 1; }
     note "wheel" "good with $tested versions of Python"
 }
 
@@ -35,7 +35,7 @@ note() { printf 'wheel-test: %s: %s\n' "$1" "$2"; }
 build() {
     "${PYTHON:-python3}" -m venv "$scratch/build"
     "$scratch/build/bin/pip" install "${pip_options[@]}" build
-    mkdir "$scratch/source"  # setuptools would look through all of .venv
+    mkdir "$scratch/source"  # setuptools would search all of .venv
     tar -c --exclude ./.venv --exclude ./.git --exclude ./datasets . | tar -x -C "$scratch/source"
     "$scratch/build/bin/python" -m build --outdir "$scratch/dist" "$scratch/source" > "$scratch/build.log" 2>&1 ||
         { cat "$scratch/build.log"; note "wheel" "FAILED: it cannot be built"; exit 1; }
@@ -44,7 +44,7 @@ build() {
     note "wheel" "$(basename "$wheel"), $(du -k "$wheel" | cut -f1) kB, from the sdist"
 }
 
-interpreter() {  # VERSION: the path of one that really starts; pyenv's shims often do not
+interpreter() {  # VERSION: the path of an interpreter that starts; pyenv's shims often do not
     local found
     for found in "$(command -v "python$1" || true)" \
         "$(pyenv prefix "$(pyenv latest "$1" 2> /dev/null)" 2> /dev/null || true)/bin/python$1"; do
@@ -64,7 +64,7 @@ try() {  # PYTHON
         all_commands
         note "$name" "simulate, attack and evaluate ran; $((SECONDS - start)) s, $(size_mb) MB"
     else
-        pip install "${pip_options[@]}" --upgrade pip  # older ones download all that they would install
+        pip install "${pip_options[@]}" --upgrade pip  # older versions download everything even in a dry run
         pip install "${pip_options[@]}" --dry-run "$wheel"
         without_torch
         commands_without_torch
@@ -73,17 +73,17 @@ as PyTorch has no CPU build for it here; $((SECONDS - start)) s, $(size_mb) MB"
     fi
 }
 
-install_cpu_torch() {  # as `make install` does; fails where there is none to be had
+install_cpu_torch() {  # as `make install` does; fails if there is no CPU build
     local command=(pip install "${pip_options[@]}" --no-deps --retries 0 --index-url "$torch_index" "$torch")
     "${command[@]}" --dry-run --report torch.json 2> /dev/null || return 1
-    ! grep -q '"nvidia-\|"cuda-' torch.json || return 1  # what it requires
+    ! grep -q '"nvidia-\|"cuda-' torch.json || return 1  # its requirements
     rm torch.json
     "${command[@]}" 2> /dev/null
 }
 
 size_mb() { du -sm "$scratch/venv" | cut -f1; }
 
-without_torch() {  # installs the wheel with all that it requires except torch
+without_torch() {  # installs the wheel with all its requirements except torch
     python - "$wheel" > requirements.txt << 'END'
 import sys, zipfile
 from email.parser import Parser
@@ -113,7 +113,7 @@ commands_without_torch() {
     for command in attack evaluate; do
         if line=$(advpipe $command 2>&1); then echo "$command ran without torch"; return 1; fi
         [[ $line == "advpipe: the Python package torch is missing"* && $(wc -l <<< "$line") = 1 ]] ||
-            { echo "$command did not say in one line that torch is missing: $line"; return 1; }
+            { echo "$command did not fail with a one-line error about torch: $line"; return 1; }
     done
 }
 
@@ -123,7 +123,7 @@ recorded() {
     test -s datasets/smoke/clean/clean_0.mcap
 }
 
-silently() {  # COMMAND...: shows what it printed only where it failed, or where it warned
+silently() {  # COMMAND...: shows its output only if it fails or warns
     "$@" > output.txt 2> errors.txt || { cat output.txt errors.txt; return 1; }
     if grep -i "warning" output.txt errors.txt; then return 1; fi
 }

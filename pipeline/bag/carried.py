@@ -10,7 +10,7 @@ from pydantic import Field
 
 from advpipe.pipeline.bag.latched import latched_text
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.document import Document, Word, read_json, validated
+from advpipe.pipeline.core.document import Document, ShortText, read_json, validated
 from advpipe.pipeline.core.section import Name
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.pipeline.sensors.lidar.lidars import Lidars
@@ -28,7 +28,7 @@ class ScenarioSensors(Document):
     """The sensors of a scenario, of any release; None where it names none, as in another tool's bag."""
 
     vehicles: dict[Name, object] = Field(default_factory=dict)
-    sensors: dict[Word, dict[Word, Any]] | None = None
+    sensors: dict[ShortText, dict[ShortText, Any]] | None = None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import yaml
 from pydantic import Field
 
 from advpipe.pipeline.core import plain_yaml
-from advpipe.pipeline.core.document import Document, Word, validated
+from advpipe.pipeline.core.document import Document, ShortText, validated
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
 METADATA_NAME = "metadata.yaml"
@@ -20,8 +20,8 @@ _Path = Annotated[str, Field(min_length=1, max_length=4096)]
 class _Information(Document):
     """What is needed of a metadata.yaml to read its bag; `stages/verify` compares the rest of it."""
 
-    storage_identifier: Word | None = None
-    compression_mode: Word | None = None
+    storage_identifier: ShortText | None = None
+    compression_mode: ShortText | None = None
     relative_file_paths: Annotated[tuple[_Path, ...], Field(max_length=100_000)] | None = None
 
 

@@ -7,7 +7,15 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, Text, Word, read_json, validated
+from advpipe.pipeline.core.document import (
+    LONGEST_TEXT,
+    Count,
+    Document,
+    ShortText,
+    Text,
+    read_json,
+    validated,
+)
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.declaration import Declaration, Family
 
@@ -29,13 +37,13 @@ class RecordedAttack(Document):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    type: Word
-    parameters: dict[Word, Any] = Field(default_factory=dict)
-    victim: Word | None = None
-    lidar: Word | None = None
+    type: ShortText
+    parameters: dict[ShortText, Any] = Field(default_factory=dict)
+    victim: ShortText | None = None
+    lidar: ShortText | None = None
     detector: Line | None = None
-    attackers: dict[Word, Any] | None = None
-    schedule: dict[Word, Any] | None = None
+    attackers: dict[ShortText, Any] | None = None
+    schedule: dict[ShortText, Any] | None = None
     declared: Declaration | None = None
 
     @property
@@ -57,26 +65,26 @@ class RecordedAttack(Document):
 class ProvenanceFields(Document):
     """The record by its keys; what is not there has its default."""
 
-    kind: Word = ""
-    scenario_name: Word = ""
+    kind: ShortText = ""
+    scenario_name: ShortText = ""
     scenario: Text = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
-    map_sha256: Word = ""
-    versions: dict[Word, Word] = Field(default_factory=dict)
-    parent_sha256: Word | None = None
+    map_sha256: ShortText = ""
+    versions: dict[ShortText, ShortText] = Field(default_factory=dict)
+    parent_sha256: ShortText | None = None
     attack: Line = ""
     recipe: Line = ""
-    parameters: dict[Word, Any] | list[Any] = Field(default_factory=dict)
-    budget: Word = ""
-    frames: Word = ""
-    code_sha256: Word = ""
+    parameters: dict[ShortText, Any] | list[Any] = Field(default_factory=dict)
+    budget: ShortText = ""
+    frames: ShortText = ""
+    code_sha256: ShortText = ""
     attacks: Annotated[tuple[RecordedAttack, ...], Field(max_length=_MOST_ATTACKS)] = ()
     lidar_topics: Annotated[tuple[Line, ...], Field(max_length=_MOST_ATTACKS)] = ()
     looks: Annotated[int, Field(strict=True, ge=1, le=MOST_LOOKS)] | None = None
     detector: Line = ""
-    detector_sha256: Word = ""
-    device: Word = ""
-    recovered: dict[Word, Count] = Field(default_factory=dict)
+    detector_sha256: ShortText = ""
+    device: ShortText = ""
+    recovered: dict[ShortText, Count] = Field(default_factory=dict)
 
 
 class Provenance(Mapping[str, str]):

@@ -84,7 +84,7 @@ def attack_command(
         workers=workers,
         out=out,
         overwrite=overwrite,
-        parameters=_parameters(given, settings or []),
+        parameters=given_parameters(given, settings or []),
     )
     return attacked(summary)
 
@@ -97,7 +97,7 @@ def attacked(summary: AttackSummary) -> Answer:
     return Answer(document, print_line(summary))
 
 
-def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
+def given_parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     from advpipe.pipeline.core.errors import UsageError
     from advpipe.pipeline.core.short_repr import short_repr, shorten

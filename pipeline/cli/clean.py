@@ -40,7 +40,7 @@ def clean(
     Only lists without --remove. What a living run holds stays, and so does everything that is not advpipe's.
     """
     from advpipe.pipeline.core.errors import UsageError, one_line, os_error_line
-    from advpipe.pipeline.core.verbosity import notice, say
+    from advpipe.pipeline.core.verbosity import notice, print_result
 
     if everything and not remove:
         raise UsageError("--all needs --remove; without both, everything is listed")
@@ -59,7 +59,7 @@ def clean(
         tally.add(leftover, use, is_removed)
         records.append({**record, "removed": is_removed})
         what = "removed " if is_removed else ""
-        say(f"{what}{one_line(leftover.path)}  {_size(leftover.size_bytes)}  {one_line(about)}")
+        print_result(f"{what}{one_line(leftover.path)}  {_size(leftover.size_bytes)}  {one_line(about)}")
     return Answer({"leftovers": records}, print_line(tally.text(remove)), exit_code=int(is_refused))
 
 

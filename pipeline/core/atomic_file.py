@@ -1,4 +1,4 @@
-"""A file that appears under its name only when it is whole."""
+"""Atomic writing of files: a file appears under its final name only when it is complete."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from advpipe.pipeline.core.errors import OutputExistsError, writing
 from advpipe.pipeline.core.lock import one_at_a_time, take_lock, take_stale_lock
 
 MARK = ".advpipe-partial-"
-"""Between the final name and eight hexadecimal digits in the name of a hidden file."""
+"""The name of a hidden file is `.`, the final name, this mark and eight hexadecimal digits."""
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """A hidden file beside `path` to write to; it becomes `path` when the block ends without an error.
+    """Yield a hidden file beside `path` to write to, and rename it to `path` if the block raises no error.
 
-    A killed run leaves the hidden file alone, and the next run that writes `path` removes it. An OSError
-    about the hidden file names `path`.
+    A killed run leaves only the hidden file behind, and the next run that writes `path` removes it. Raises
+    OSError, which names `path` even where the hidden file is at fault.
     """
     beside = path.with_name(f".{path.name}{MARK}{secrets.token_hex(4)}")
     try:
-        with one_at_a_time(path.parent):  # `advpipe clean` never sees it without its lock
+        with one_at_a_time(path.parent):  # so that `advpipe clean` never finds the file unlocked
             _remove_leftovers(path)
             lock = take_lock(beside)
         try:
@@ -43,13 +43,16 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """The file is the old one or the new one, never half of it."""
+    """Write the file so that it holds either its old content or the new, never a part. Raises OSError."""
     with atomic_file(path) as beside:
         beside.write_bytes(content)
 
 
 def write_new(path: Path, text: str, overwrite: bool = False) -> None:
-    """Writes a text whole or not at all; raises AdvpipeError for a file that exists, unless `overwrite`."""
+    """Write a text file atomically.
+
+    Raises OutputExistsError for a file that exists, unless `overwrite`, and AdvpipeError for a full disk.
+    """
     if path.exists() and not overwrite:
         raise OutputExistsError(path)
     with writing(path):

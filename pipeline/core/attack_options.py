@@ -10,10 +10,10 @@ from advpipe.pipeline.core.options import option
 
 @dataclass(frozen=True)
 class AttackOptions:
-    """What `advpipe attack` takes its options from, and `AttackSpec` of the scenario file its fields.
+    """The options of `advpipe attack`, from which `AttackSpec` of the scenario file takes its fields.
 
-    It lies apart from `AttackSpec` so that `advpipe --help` need not wait for pydantic. type: by default
-    the attack that needs no gradient and so works on any detector; the scenario file names each attack.
+    The class is separate from `AttackSpec` so that `advpipe --help` does not load pydantic. type: the default
+    attack needs no gradient and so works on any detector; in the scenario file, every attack must be named.
     """
 
     type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
@@ -25,11 +25,11 @@ class AttackOptions:
     victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that false CAMs target.")
     dcc_reacts: bool = option(
         False,
-        "When a V2X attack fills the channel, other stations' congestion control drops CAMs; "
-        "otherwise they send what was recorded.",
+        "When a V2X attack loads the channel, the congestion control of the other stations drops CAMs; "
+        "without this option they send what was recorded.",
     )
-    from_s: float = option(0.0, "Start of the attack, in seconds of the recording.")
-    to_s: float | None = option(None, "End of the attack, in seconds of the recording.")
+    from_s: float = option(0.0, "Start of the attack, in seconds since the start of the recording.")
+    to_s: float | None = option(None, "End of the attack, in seconds since the start of the recording.")
     lidar: str | None = options.lidar_topic()
     frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
     detector: str = options.detector()

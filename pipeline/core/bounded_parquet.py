@@ -1,8 +1,9 @@
-"""Parquet files of others, read within bounds.
+"""A bounded reader of untrusted Parquet files.
 
-What a file unpacks to is known before any of it is unpacked: rows from the footer, in proportion to the
-file's bytes, since run lengths write a thousand million equal rows in as many bytes as one; bytes from the
-header of each page, since a footer may lie. Rows then come a batch at a time.
+The decompressed size of a file is known before any of it is decompressed. The footer states the number of
+rows, which is bounded in proportion to the file's bytes, since run-length encoding stores a billion equal
+rows in as many bytes as one. The header of each page states its bytes, since a footer may be false. Rows are
+then read batch by batch.
 """
 
 from __future__ import annotations
@@ -15,59 +16,72 @@ from typing import Any, Literal
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.parquet_pages import ENCODINGS, Chunk, Page, column_chunks, pages
 
-Kind = Literal["whole", "truth", "text"]
-KINDS: dict[Kind, str] = {"whole": "a whole number", "truth": "true or false", "text": "a string"}
+ColumnType = Literal["whole", "truth", "text"]
+COLUMN_TYPES: dict[ColumnType, str] = {
+    "whole": "a whole number",
+    "truth": "true or false",
+    "text": "a string",
+}
 
 BATCH_ROWS = 1 << 12
 ROWS_AT_ONCE = 1 << 9
-"""As Python's own values, which take some twenty times as much."""
+"""Rows that are converted to Python objects together; these take some twenty times the memory."""
 
 READ_BYTES = 1 << 16
-"""Of a column at once: without it, all of it is read that a group of rows holds."""
+"""Bytes of a column that are read together: without this limit, a row group's whole column is read."""
 
 LONGEST_TEXT_BYTES = 1 << 11
-"""Of a text in a cell. Files keep equal texts once: a million rows of a long one lie in a few kilobytes."""
+"""Bytes of one string. A file stores equal strings once: a million rows of a long one take few kilobytes."""
 
 FOOTER_LIMIT_BYTES = 1 << 22
 MOST_COLUMNS, MOST_GROUPS = 1000, 10_000
-"""A footer is read whole, and takes some ten times its bytes."""
+"""A footer is read as a whole, and takes some ten times its bytes in memory."""
 
 MOST_PAGES = 1 << 17
-"""Of all columns that are read. Writers make pages of about a megabyte, or of 20,000 rows."""
+"""Pages of all columns that are read. Writers make pages of about a megabyte, or of 20,000 rows."""
 
 PAGES_LIMIT_BYTES = 1 << 28
-"""What the largest pages of all columns may unpack to together: one of each is held at a time."""
+"""Decompressed bytes of the largest pages of all columns together: one page of each column is in memory."""
 
 FREE_BATCH_ROWS = 1 << 22
 BATCH_ROWS_PER_BYTE = 1
-"""A row of a point's own takes at least one byte."""
+"""Rows of points: each takes at least one byte."""
 
 FREE_ROWS = 100_000
 ROWS_PER_BYTE = 1 / 8
-"""Rows of messages, fixes and frames hold a time and several numbers each; as Python's own they are slow."""
+"""Rows of messages, fixes and frames hold several numbers each; as Python objects they are slow."""
 
 
-def rows(path: Path, columns: Sequence[str] | Mapping[str, Kind] | None = None) -> Iterator[dict[str, Any]]:
-    """The rows of a table, in its order; columns, errors: as of `batches`, with fewer rows."""
+def rows(
+    path: Path, columns: Sequence[str] | Mapping[str, ColumnType] | None = None
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table in order, each a mapping from column name to value.
+
+    columns and errors: as in `batches`, with a lower limit of rows.
+    """
     for batch in batches(path, columns, most_rows=FREE_ROWS + int(ROWS_PER_BYTE * _size(path))):
         for start in range(0, batch.num_rows, ROWS_AT_ONCE):
             yield from batch.slice(start, ROWS_AT_ONCE).to_pylist()
 
 
 def flat_columns(path: Path) -> set[str]:
-    """Names of the columns that hold numbers or texts; raises AdvpipeError for a file that is no table."""
+    """The names of the columns with numbers or strings. Raises AdvpipeError for a file that is no table."""
     with _opened(path) as table:
         return {field.name for field in table.schema_arrow if _is_number(field.type) or _is_text(field.type)}
 
 
 def batches(
-    path: Path, columns: Sequence[str] | Mapping[str, Kind] | None = None, *, most_rows: int | None = None
+    path: Path,
+    columns: Sequence[str] | Mapping[str, ColumnType] | None = None,
+    *,
+    most_rows: int | None = None,
 ) -> Iterator[Any]:
-    """Record batches of at most `BATCH_ROWS` rows, of numbers and texts.
+    """Yield `pyarrow.RecordBatch` of at most `BATCH_ROWS` rows, with columns of numbers and strings.
 
-    columns: their names, or what each has to hold in every row; all if left out. most_rows: in proportion to
-    the file's bytes if left out. Raises AdvpipeError for a file that is no whole table, one with other
-    columns, and one that would unpack to too much.
+    columns: names, or a mapping from name to the type that every row must have; all columns by default.
+    most_rows: the limit of rows, by default in proportion to the file's bytes. Raises AdvpipeError for a file
+    that is not a complete table, lacks a column, has a column of another type, or would decompress to more
+    than is read.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -81,18 +95,18 @@ def batches(
             _file(path), page_checksum_verification=True, read_dictionary=texts, buffer_size=READ_BYTES
         ) as table:
             for batch in table.iter_batches(BATCH_ROWS, columns=names, use_threads=False):
-                unpacked = [_unpacked(path, name, batch.column(name)) for name in names]
-                for name, kind in columns.items() if isinstance(columns, Mapping) else ():
-                    _check_kind(path, name, batch.column(name), kind)
-                whole = pa.RecordBatch.from_arrays(unpacked, names=names)
-                whole.validate(full=True)  # texts are UTF-8
-                yield whole
+                columns_decoded = [_decoded(path, name, batch.column(name)) for name in names]
+                for name, column_type in columns.items() if isinstance(columns, Mapping) else ():
+                    _check_type(path, name, batch.column(name), column_type)
+                decoded = pa.RecordBatch.from_arrays(columns_decoded, names=names)
+                decoded.validate(full=True)  # strings are UTF-8
+                yield decoded
     except (OSError, pa.ArrowException, ValueError, KeyError, MemoryError) as error:
         raise _no_table(path, error) from None
 
 
 def _opened(path: Path) -> Any:
-    """The table, its footer read."""
+    """The table with its footer read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -124,7 +138,7 @@ def _column_chunks(path: Path) -> list[list[Chunk]]:
 
 
 def _file(path: Path) -> Any:
-    """The file for pyarrow, which takes names that are not UTF-8 as bytes alone."""
+    """The file for pyarrow, which takes names that are not UTF-8 only as bytes."""
     import pyarrow as pa
 
     return pa.OSFile(os.fsencode(path))
@@ -151,15 +165,15 @@ def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) 
     chunks = _column_chunks(path)
     if any(len(group) != len(columns) for group in chunks) or len(chunks) != len(groups):
         raise AdvpipeError(f"{path}: a row group does not have the table's columns")
-    chosen = set(names)  # a dot leads into a column, or is a part of its name
+    chosen = set(names)  # a dot separates a column from its field, or is a part of its name
     read = {i: column for i, column in enumerate(columns) if {column, column.partition(".")[0]} & chosen}
     _check_pages(path, chunks, read)
 
 
 def _check_pages(path: Path, groups: Sequence[Sequence[Chunk]], columns: Mapping[int, str]) -> None:
-    """What the columns of a group hold at a time: of each its dictionary and its largest page.
+    """Refuse a row group whose dictionaries and largest pages take too much memory together.
 
-    columns: names by the place in a group, which is what Arrow reads by, whatever a group calls them.
+    columns: names by index in a row group. Arrow reads by index, whatever names the row group states.
     """
     count = 0
     with path.open("rb") as file:
@@ -203,29 +217,29 @@ def _no_table(path: Path, error: BaseException) -> AdvpipeError:
     return AdvpipeError(f"{path}: not a complete Parquet file ({reason})")
 
 
-def _is_number(kind: Any) -> bool:
+def _is_number(arrow_type: Any) -> bool:
     import pyarrow as pa
 
-    return bool(pa.types.is_primitive(kind))
+    return bool(pa.types.is_primitive(arrow_type))
 
 
-def _is_text(kind: Any) -> bool:
+def _is_text(arrow_type: Any) -> bool:
     import pyarrow as pa
 
-    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+    arrow_type = arrow_type.value_type if pa.types.is_dictionary(arrow_type) else arrow_type
+    return bool(pa.types.is_string(arrow_type) or pa.types.is_large_string(arrow_type))
 
 
-def _check_kind(path: Path, name: str, column: Any, kind: Kind) -> None:
+def _check_type(path: Path, name: str, column: Any, column_type: ColumnType) -> None:
     import pyarrow as pa
 
-    is_kind = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[kind]
-    if not is_kind(column.type) or column.null_count:
-        raise AdvpipeError(f"{path}: {name} must be {KINDS[kind]} in every row")
+    has_type = {"whole": pa.types.is_integer, "truth": pa.types.is_boolean, "text": _is_text}[column_type]
+    if not has_type(column.type) or column.null_count:
+        raise AdvpipeError(f"{path}: {name} must be {COLUMN_TYPES[column_type]} in every row")
 
 
-def _unpacked(path: Path, name: str, column: Any) -> Any:
-    """A column with its texts in each row; equal ones were read once."""
+def _decoded(path: Path, name: str, column: Any) -> Any:
+    """A column with its dictionary decoded, so that each row has its string."""
     import pyarrow as pa
     import pyarrow.compute as pc
 

@@ -1,4 +1,4 @@
-"""Which state of this package's own code made a result: results of two states must not be mixed unseen."""
+"""Identifies the code that made a result, so that results of two versions of it are not mixed."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ CLOUDS = (
     "pipeline/metrics",
     "pipeline/core/seeding.py",
 )
-"""What decides how clouds are read, detected in and scored."""
+"""The code that decides how clouds are read, how objects are detected in them, and how these are scored."""
 
 
 @cache
 def code_sha256(*parts: str) -> str:
-    """SHA-256 over the Python sources in `parts`: files and folders of this package, named from its root.
+    """SHA-256 (hexadecimal) of the Python sources in `parts`: files and folders, relative to the package.
 
-    Of each source its path and its text count, in the order of paths; line ends do not. It is computed
-    once in a process, as the code is loaded once. Raises FileNotFoundError for a part that is none.
+    It covers the path and the text of each source, sorted by path, with line endings normalised. It is
+    computed once in a process, as the code is loaded once. Raises FileNotFoundError for a missing part.
     """
     digest = hashlib.sha256()
     for source in sorted({source for part in parts for source in _sources(PACKAGE / part)}):
@@ -40,22 +40,22 @@ def code_sha256(*parts: str) -> str:
 
 @cache
 def source_commit() -> str | None:
-    """The git commit of this package's sources, with a `+` where code differs from it.
+    """The git commit of this package's sources, with a trailing `+` where the code differs from it.
 
-    None outside a checkout. A package in site-packages is none, though that folder may lie in one of
-    another project.
+    None outside a checkout. A package in site-packages is not a checkout, even if that folder lies inside the
+    checkout of another project.
     """
     if not (PACKAGE / ".git").exists():
         return None
     try:
         commit = _git("rev-parse", "HEAD")
         return f"{commit}+" if _git("status", "--porcelain", "--", "*.py") else commit
-    except (OSError, subprocess.CalledProcessError):  # no git here, or no commit yet
+    except (OSError, subprocess.CalledProcessError):  # git is not installed, or there is no commit yet
         return None
 
 
-def _git(*words: str) -> str:
-    command = ["git", "-C", str(PACKAGE), *words]
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(PACKAGE), *arguments]
     return subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stdout.strip()
 
 

@@ -1,4 +1,4 @@
-"""The errors that a user may see, each in one line, and with an exit code."""
+"""Errors that are shown to the user: each is one line and has an exit code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = [
 
 
 class AdvpipeError(Exception):
-    """What went wrong outside advpipe's code, said in one line: what, where, and how to fix it.
+    """A failure that is not a defect of advpipe; its one-line message states what, where, and how to fix it.
 
     The command line prints the message and exits with `exit_code`, without a traceback.
     """
@@ -29,16 +29,16 @@ class AdvpipeError(Exception):
 
 
 class UsageError(AdvpipeError):
-    """The command cannot be carried out as it was given: an unknown name, a bad value, an input that is none.
+    """The command as given cannot be carried out: an unknown name, a bad value, an input of the wrong type.
 
-    What fails on the way, such as a full disk or a file that turns out to be damaged, is an AdvpipeError.
+    A failure while it runs, such as a full disk or a damaged file, is an AdvpipeError.
     """
 
     exit_code = 2
 
 
 class OutputExistsError(UsageError):
-    """An output is there already, and `--overwrite` was not given."""
+    """An output exists already, and `--overwrite` was not given."""
 
     def __init__(self, path: object) -> None:
         super().__init__(f"{path} already exists; pass --overwrite to replace it")
@@ -46,7 +46,7 @@ class OutputExistsError(UsageError):
 
 @contextmanager
 def as_usage_error() -> Iterator[None]:
-    """Raises UsageError for any AdvpipeError inside: there, only what the user gave can be wrong."""
+    """Raise UsageError for any AdvpipeError in the block: there, only the user's input can be wrong."""
     try:
         yield
     except UsageError:
@@ -56,7 +56,7 @@ def as_usage_error() -> Iterator[None]:
 
 
 def os_error_line(error: OSError) -> str:
-    """What the operating system refused, as one line: the file, and why."""
+    """An error of the operating system as one line: the file and the reason."""
     reason = error.strerror or str(error) or type(error).__name__
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         reason += "; free some space, or write elsewhere (--out)"
@@ -65,7 +65,10 @@ def os_error_line(error: OSError) -> str:
 
 @contextmanager
 def writing(place: object) -> Iterator[None]:
-    """Names the output in a full disk's error, which the operating system does not."""
+    """Name the output `place` in the error of a full disk, where the operating system names no file.
+
+    Raises AdvpipeError for such an error in the block; other errors pass through.
+    """
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Figures whose texts are drawn as they are written, whoever wrote them."""
+"""Figures that draw untrusted text literally: it is never parsed as a formula."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter, LogFormatter
 
 MOST_CHARACTERS = 200
-"""Of one text: longer ones would leave no room for what is drawn."""
+"""The longest text in a figure: longer ones would leave no room for the drawing."""
 
 
 class Figure(matplotlib.figure.Figure):
-    """matplotlib's, in which only the numbers of logarithmic axes are formulas between dollar signs."""
+    """A matplotlib figure in which only the numbers of logarithmic axes are parsed as `$formulas$`."""
 
     def draw(self, renderer: Any) -> None:
         for axes in self.axes:
-            _show_names(axes.xaxis)
-            _show_names(axes.yaxis)
-        numbers = {id(text) for text in _numbers(self)}
+            _make_labels_printable(axes.xaxis)
+            _make_labels_printable(axes.yaxis)
+        numbers = {id(text) for text in _logarithmic_labels(self)}
         for text in self.findobj(Text):
             assert isinstance(text, Text)
             if id(text) not in numbers:
@@ -31,35 +31,35 @@ class Figure(matplotlib.figure.Figure):
 
 
 def printable_text(text: str) -> str:
-    """A text that fonts have signs for, on as many lines as it has, cut where it is very long."""
+    """The text with unprintable characters replaced and a very long one truncated; line breaks are kept."""
     if text.isprintable() and len(text) <= MOST_CHARACTERS:
         return text
     if len(text) > MOST_CHARACTERS:
         text = f"{text[: MOST_CHARACTERS - 1]}…"
-    return "".join(sign if sign.isprintable() or sign == "\n" else "\ufffd" for sign in text)
+    return "".join(char if char.isprintable() or char == "\n" else "\ufffd" for char in text)
 
 
-class _Shown:
-    """A function that names ticks, for names of others."""
+class _PrintableLabels:
+    """A tick formatter function whose labels are made printable."""
 
-    def __init__(self, named: Callable[..., str]) -> None:
-        self.named = named
+    def __init__(self, label: Callable[..., str]) -> None:
+        self.label = label
 
-    def __call__(self, *where: Any) -> str:
-        return printable_text(self.named(*where))
+    def __call__(self, *position: Any) -> str:
+        return printable_text(self.label(*position))
 
 
-def _show_names(axis: Axis) -> None:
-    """Of ticks that were given names, which an axis writes anew each time."""
+def _make_labels_printable(axis: Axis) -> None:
+    """Make tick labels printable in the formatter, since an axis sets their text anew at each drawing."""
     formatter = axis.get_major_formatter()
-    if isinstance(formatter, FuncFormatter) and not isinstance(formatter.func, _Shown):
-        formatter.func = _Shown(formatter.func)
+    if isinstance(formatter, FuncFormatter) and not isinstance(formatter.func, _PrintableLabels):
+        formatter.func = _PrintableLabels(formatter.func)
     elif isinstance(formatter, FixedFormatter):
         formatter.seq = [printable_text(name) for name in formatter.seq]
 
 
-def _numbers(figure: Figure) -> list[Text]:
-    """What matplotlib itself writes at logarithmic axes, as powers."""
+def _logarithmic_labels(figure: Figure) -> list[Text]:
+    """The tick labels that matplotlib itself writes at logarithmic axes, as powers."""
     return [
         label
         for axes in figure.axes

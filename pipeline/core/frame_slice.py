@@ -1,4 +1,4 @@
-"""Which frames of a bag: `start:stop:step`, counted over its clouds."""
+"""A selection of a bag's frames: `start:stop:step`, where each cloud is a frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PATTERN = re.compile(r"(\d*):(\d*)(?::(\d*))?")
 
 @dataclass(frozen=True)
 class FrameSlice:
-    """Frames start, start + step, ... below stop; no `stop` means to the end of the bag."""
+    """Frames start, start + step, ... below stop; stop None means up to the end of the bag."""
 
     start: int = 0
     stop: int | None = None
@@ -20,7 +20,9 @@ class FrameSlice:
 
     @staticmethod
     def parse(text: str) -> FrameSlice:
-        """`start:stop:step` as Python slices have it, without negative numbers; `7` is frame 7 alone.
+        """Parse `start:stop:step`, as in Python slices without negative numbers; `7` selects frame 7 only.
+
+        Raises UsageError for another text.
 
         >>> FrameSlice.parse("::10").indices(25)
         range(0, 25, 10)
@@ -36,7 +38,7 @@ class FrameSlice:
         return FrameSlice(start or 0, stop, step or 1)
 
     def indices(self, count: int) -> range:
-        """The chosen ones among `count` frames; a choice of none is refused."""
+        """The indices of the selected ones of `count` frames. Raises UsageError if none is selected."""
         chosen = range(*slice(self.start, self.stop, self.step).indices(count))
         if not chosen:
             raise UsageError(f"frames {self} select none of the bag's {count} frames")

@@ -1,4 +1,4 @@
-"""Python's garbage collector, kept from looking again and again through what is there to stay."""
+"""Keeps Python's garbage collector from searching long-lived objects again and again."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def gc_frozen() -> Iterator[None]:
-    """What exists at the beginning of the block is not searched for garbage within it.
+    """Exclude the objects that exist at the start of the block from garbage collection within it.
 
-    A loop over many small objects sets off collections all the time; with a world, message types and ASN.1
-    in memory, each of the thorough ones takes a tenth of a second or more.
+    A loop that makes many small objects triggers collections all the time; with a world, message types and
+    ASN.1 in memory, each full collection takes a tenth of a second or more.
     """
     gc.freeze()
     try:

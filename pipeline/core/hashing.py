@@ -1,4 +1,4 @@
-"""SHA-256 of files, and of bytes on their way from one place to another."""
+"""SHA-256 of files, and of bytes while they are copied."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _BLOCK_BYTES = 1 << 20
 
 
 def sha256_of(*paths: Path) -> str:
-    """Of the bytes of files, one behind the other: 64 hexadecimal digits in lower case.
+    """The SHA-256 of the concatenated bytes of files, as 64 lower-case hexadecimal digits.
 
-    Raises AdvpipeError for a file that cannot be read: of a failing disk, the system does not say which.
+    Raises AdvpipeError, which names the file, for one that cannot be read.
     """
     sha256 = hashlib.sha256()
     for path in paths:
@@ -28,7 +28,7 @@ def sha256_of(*paths: Path) -> str:
 
 
 def copy(read: Callable[[int], bytes], write: Callable[[bytes], object], size_bytes: int) -> tuple[str, int]:
-    """Copy so many bytes, or as many as there are; returns their SHA-256 and how many they were."""
+    """Copy `size_bytes` bytes, or fewer if the source ends; return their SHA-256 (hexadecimal) and count."""
     sha256, left_bytes = hashlib.sha256(), size_bytes
     while left_bytes and (block := read(min(_BLOCK_BYTES, left_bytes))):
         sha256.update(block)

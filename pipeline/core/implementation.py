@@ -1,4 +1,4 @@
-"""What stands behind a seam: one of ours by its name, or a user's own `module:Class`."""
+"""Finds an implementation of a protocol: a built-in one by its name, or a user's `module:Class`."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from advpipe.pipeline.core.short_repr import short_repr
 Build = TypeVar("Build", bound=Callable[..., Any])
 
 
-def import_object(word: str, refusal: str) -> Any:
-    """What a user's `module:Class` names; the module may lie in the working directory.
+def import_object(path: str, refusal: str) -> Any:
+    """Import the object that a user's `module:Class` names; the module may lie in the working directory.
 
-    Raises UsageError, one line that begins with `refusal`, for what cannot be imported.
+    Raises UsageError, one line that begins with `refusal`, if it cannot be imported.
     """
-    module, _, attribute = word.partition(":")
-    # A program that was installed does not look into the working directory, where the user's file is.
+    module, _, attribute = path.partition(":")
+    # An installed program does not search the working directory, where the user's file is.
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
     try:
         return getattr(importlib.import_module(module), attribute)
-    except (Exception, SystemExit) as error:  # a user's module may do anything
+    except (Exception, SystemExit) as error:  # a user's module may raise anything
         raise UsageError(f"{refusal}: {type(error).__name__}: {error}") from None
 
 
 def find_implementation(key: str, name: str, known: Mapping[str, Build]) -> Build:
-    """What makes the implementation `name` that the scenario's key names; a user's class is called alike.
+    """Find the factory (or the user's class) of the implementation `name`, the value of the scenario's `key`.
 
-    Raises UsageError, one line, for a name that is not known and for a class that cannot be loaded.
+    known: the built-in factories by name. Raises UsageError, one line, for an unknown name and for a class
+    that cannot be loaded.
     """
     if name in known:
         return known[name]

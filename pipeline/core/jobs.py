@@ -1,4 +1,4 @@
-"""Many independent jobs, in this process or in several: the results must not hang on which."""
+"""Runs many independent jobs in this process or in several; the results do not depend on how many."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Work = Callable[[int], None]
 T = TypeVar("T")
 
 JOBS_WORTH_A_WORKER = 4
-"""A worker takes seconds to load its libraries: below this many jobs each, fewer workers are faster."""
+"""A worker takes seconds to load its libraries: with fewer jobs each, fewer workers are faster."""
 
 
 class UnexpectedInWorkerError(Exception):
-    """An error in a worker process that nobody thought of, and the traceback there."""
+    """An unexpected error in a worker process, with the traceback of that process."""
 
     def __init__(self, summary: str, traceback: str) -> None:
         super().__init__(summary, traceback)
@@ -39,19 +39,19 @@ class UnexpectedInWorkerError(Exception):
 
 
 class WorkerTracebackError(Exception):
-    """Shows, as the cause of the error in this process, where the one in the worker came from."""
+    """The cause of an error in this process that shows the traceback of the worker."""
 
 
 def run_jobs(
     prepare: Callable[[], Work], jobs: Sequence[int], description: str, workers: int | None = None
 ) -> None:
-    """Calls `prepare()` once in each process, and the work that it returns once for each job.
+    """Call `prepare()` once in each process, and the function that it returns once for each job.
 
-    prepare: can be pickled; what it loads is loaded in every process. jobs: numbers that name them.
-    workers: processes, by default one for each core. Work keeps its own results, such as in a file
-    for each job. Raises the AdvpipeError of the first job that fails.
+    prepare: can be pickled; what it loads is loaded in every process. jobs: the numbers of the jobs.
+    workers: number of processes, by default one for each core. The function stores its results itself, such
+    as in a file for each job. Raises the AdvpipeError of the first job that fails.
     """
-    for _ in _done(prepare, jobs, description, workers):
+    for _ in _results(prepare, jobs, description, workers):
         pass
 
 
@@ -61,25 +61,27 @@ def map_jobs(
     description: str,
     workers: int | None = None,
 ) -> list[T]:
-    """As `run_jobs`, for work whose results are small and can be pickled: they come in the jobs' order.
+    """Run jobs as `run_jobs` does, and return their results in the jobs' order.
 
-    A process is given its jobs in their order.
+    Results must be small and picklable. Each process runs its jobs in their order.
     """
-    results = dict(_done(prepare, jobs, description, workers))
+    results = dict(_results(prepare, jobs, description, workers))
     return [results[job] for job in jobs]
 
 
-def _done(
+def _results(
     prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], description: str, workers: int | None
 ) -> Iterator[tuple[int, T]]:
-    """Each job with its result, as they end."""
+    """Each job with its result, in the order in which they finish."""
     count = min(workers or os.cpu_count() or 1, max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
     detail(f"{description}: {len(jobs)} jobs in {count} processes")
-    done = _in_processes(prepare, jobs, count) if count > 1 else _here(prepare, jobs)
-    return track(done, description, len(jobs))
+    results = _in_processes(prepare, jobs, count) if count > 1 else _in_this_process(prepare, jobs)
+    return track(results, description, len(jobs))
 
 
-def _here(prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int]) -> Iterator[tuple[int, T]]:
+def _in_this_process(
+    prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int]
+) -> Iterator[tuple[int, T]]:
     work = prepare() if jobs else None
     for job in jobs:
         assert work is not None
@@ -99,22 +101,22 @@ def _in_processes(
             process = context.Process(
                 target=_serve, args=(theirs, pickle.dumps(prepare), list(jobs[index::count])), daemon=True
             )
-            with signals.blocked(), _without_main():  # until the worker says what becomes of signals
+            with signals.blocked(), _without_main():  # until the worker has set its handlers
                 process.start()
             theirs.close()  # the worker's end is the worker's alone: its death closes the pipe
             processes.append(process)
             pipes.append(ours)
-        yield from _finished(pipes)
+        yield from _received_results(pipes)
     finally:
         for process in processes:
-            process.kill()  # at once and without a word, even while it still loads its libraries
+            process.kill()  # ends immediately and silently, even while it still loads its libraries
         for process in processes:
             process.join()
 
 
 @contextmanager
 def _without_main() -> Iterator[None]:
-    """A worker that is started inside loads no `__main__`: a user's script would run again from its top."""
+    """Keep workers started in the block from loading `__main__`: a user's script would run again."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -123,8 +125,8 @@ def _without_main() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
-    """Jobs and their results as they end; a worker says None when it has no more."""
+def _received_results(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
+    """Jobs and their results in the order in which they finish; a worker sends None at its end."""
     waiting = list(pipes)
     while waiting:
         for pipe in wait(waiting):
@@ -147,9 +149,9 @@ def _finished(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
 
 
 def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
-    """A worker's life; signals are the parent's business, and a parent that is gone ends the worker.
+    """Run the jobs of a worker process; the parent handles signals, and the worker ends with its parent.
 
-    pickled: `prepare`, which only here loads its libraries: they take seconds, and the parent may end before.
+    pickled: `prepare`, whose libraries take seconds to load: the thread that watches the parent starts first.
     """
     signals.leave_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -162,25 +164,25 @@ def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
     except BrokenPipeError:
         return
     except AdvpipeError as error:
-        kind = UsageError if isinstance(error, UsageError) else AdvpipeError
-        pipe.send(kind(str(error)))
+        error_type = UsageError if isinstance(error, UsageError) else AdvpipeError
+        pipe.send(error_type(str(error)))
     except Exception as error:
-        pipe.send(_in_parent(error))
+        pipe.send(_error_for_parent(error))
 
 
-def _in_parent(error: Exception) -> Exception:
-    """What the parent raises for an error of a worker."""
+def _error_for_parent(error: Exception) -> Exception:
+    """The exception that the parent raises for an error of a worker."""
     if isinstance(error, ImportError | OSError) and (line := missing_library_line(error)):
         return AdvpipeError(line)
     if isinstance(error, OSError):
-        # A full disk has no name: whoever knows the output gives it one.
+        # The error of a full disk names no file: the caller that knows the output names it (`writing`).
         return AdvpipeError(os_error_line(error)) if error.filename else OSError(*error.args)
     summary = traceback.format_exception_only(error)[-1].strip()
     return UnexpectedInWorkerError(summary, traceback.format_exc())
 
 
 def _end_with_parent() -> None:
-    """Ends this worker as soon as its parent is gone, whatever it computes."""
+    """End this worker as soon as its parent process has ended, whatever it computes."""
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -1,4 +1,4 @@
-"""The names of what killed runs leave: hidden, and each with the name that it was to get."""
+"""The names of leftovers of killed runs: hidden names that contain the final name."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ PATTERNS = {
     "job": re.compile(r"\.(.+)\.([0-9a-f]{12})\.job", re.DOTALL),
     "file": re.compile(rf"\.(.+){re.escape(MARK)}[0-9a-f]{{8}}", re.DOTALL),
 }
-"""By kind; the first group is the final name. output: a folder of `PartialFolder`. job: finished frames of an
-attack, and a hash of what was asked for. file: of `whole_file`."""
+"""Patterns by type of leftover; the first group is the final name. output: a folder of `PartialFolder`. job:
+finished frames of an attack, with a hash of the request. file: a hidden file of `atomic_file`."""
 
 
 def is_leftover_name(name: str) -> bool:
-    """Whether something may be a leftover, going by its name."""
+    """Whether a file or folder of this name may be a leftover of a killed run."""
     return name.startswith(".") and any(pattern.fullmatch(name) for pattern in PATTERNS.values())

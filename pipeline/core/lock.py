@@ -1,4 +1,4 @@
-"""File locks that end with their process: they tell the files of a running command from leftovers."""
+"""File locks that end with their process, which distinguish the files of a running command from leftovers."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ except ImportError:  # Windows: undecidable, so leftovers of killed runs stay un
     fcntl = None  # type: ignore[assignment]
 
 LOCK_NAME = ".lock"
-"""The file in a folder that its run keeps locked."""
+"""The file in a folder that a run keeps locked while it fills the folder."""
 
 HAS_LOCKS = fcntl is not None
 
-_PATIENCE_S, _PAUSE_S = 0.2, 0.02  # others hold a lock for an instant to see whether its run is alive
+_PATIENCE_S, _PAUSE_S = 0.2, 0.02  # other runs take a lock for an instant to test whether its run is alive
 
 
 _taken: WeakSet[IO[bytes]] = WeakSet()
@@ -33,15 +33,15 @@ def _close_taken() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    # A forked worker that outlives its killed parent for a moment would keep the parent's locks.
+    # A forked worker that briefly outlives its killed parent would keep the parent's locks.
     os.register_at_fork(after_in_child=_close_taken)
 
 
 def take_lock(file: Path, patience_s: float = _PATIENCE_S) -> IO[bytes] | None:
-    """The lock of a file, made where it does not exist, until it is closed or the process dies.
+    """Take the lock of a file, which is created if missing; it holds until it is closed or the process ends.
 
-    None while another run holds it, and where the folder went with that run. Raises OSError where the file
-    can be neither opened nor made.
+    None while another run holds it, and if that run removed the folder. patience_s: how long to retry. Raises
+    OSError if the file can be neither opened nor created.
     """
     deadline_s = time.monotonic() + patience_s
     while True:
@@ -64,14 +64,14 @@ def take_lock(file: Path, patience_s: float = _PATIENCE_S) -> IO[bytes] | None:
 
 
 def take_stale_lock(file: Path) -> IO[bytes] | None:
-    """The lock that a dead run left; None where a run is alive, or where it is not ours to take."""
+    """Take the lock that a killed run left; None if its run is alive or this user cannot write the file."""
     with suppress(OSError):
         return take_lock(file, patience_s=0) if HAS_LOCKS else None
     return None
 
 
 def is_locked(file: Path) -> bool:
-    """Whether a living run holds the lock of a file; it is not made, and may be read-only."""
+    """Whether a living run holds the lock of a file; the file is not created, and may be read-only."""
     if fcntl is None:
         return False
     try:
@@ -79,15 +79,15 @@ def is_locked(file: Path) -> bool:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except FileNotFoundError:
         return False
-    except OSError:  # held, or unreadable: then nobody can say that its run is dead
+    except OSError:  # held, or unreadable: then its run may be alive
         return True
     return False
 
 
 def remove_folder(folder: Path) -> None:
-    """Remove a folder with its lock last, so that a killed run leaves no folder that nobody recognises.
+    """Remove a folder, its lock last, so that `advpipe clean` recognises what a killed run leaves of it.
 
-    What cannot be removed stays.
+    Files that cannot be removed stay; no error is raised.
     """
     with suppress(OSError):
         for path in sorted(folder.iterdir()):
@@ -101,7 +101,7 @@ def remove_folder(folder: Path) -> None:
 
 @contextmanager
 def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Between two runs, making, naming and removing things in one folder never mix."""
+    """Lock a folder while the block creates, renames or removes files in it, so that two runs never mix."""
     if fcntl is None:
         yield
         return

@@ -1,4 +1,4 @@
-"""What to install where a library that advpipe needs is missing or damaged, in one line.
+"""States in one line what to install where a library that advpipe needs is missing or damaged.
 
 `python -m advpipe.pipeline.core.missing_library` loads every library once; `make install` ends with it.
 """
@@ -46,7 +46,7 @@ PIP_PACKAGES = {
 """Packages on PyPI whose modules have another name."""
 
 EXTRAS = {"cryptography": "sign"}
-"""Modules that come with an extra of advpipe alone."""
+"""Modules that are installed only with an extra of advpipe."""
 
 _ABSENT = re.compile(r"([^\s:]+): cannot open shared object file: No such file or directory")
 _DAMAGED = re.compile(
@@ -77,7 +77,7 @@ _IMPORTS = (
 
 
 def missing_library_line(error: ImportError | OSError) -> str | None:
-    """What is missing and how to install it; None for an error that has another cause.
+    """One line that names the missing library and how to install it; None for an error with another cause.
 
     error: what an import raised. Some libraries wrap the loader's message in one of their own, so the
     whole text and the chain of causes are searched.
@@ -93,7 +93,7 @@ def missing_library_line(error: ImportError | OSError) -> str | None:
 
 
 def loader_line(text: str) -> str | None:
-    """The same for what the system's loader printed, such as at the start of a program."""
+    """The same line for a message of the system's loader, such as at a program's start; None for another."""
     if found := _ABSENT.search(text) or _ABSENT_ON_MACOS.search(text):
         return _absent_line(Path(found[1]).name)
     if found := _DAMAGED.search(text):
@@ -136,7 +136,7 @@ def _reinstall(path: str) -> str:
 def _module_line(module: str) -> str | None:
     top = module.partition(".")[0]
     if top == "advpipe":
-        return None  # a defect of ours, not of the installation
+        return None  # a defect of advpipe, not of the installation
     package = PIP_PACKAGES.get(top, top)
     ours = f"'advpipe[{EXTRAS[top]}]'" if top in EXTRAS else "advpipe"
     return f"the Python package {package} is missing (no module {module}); install it: pip install {ours}"
@@ -152,7 +152,7 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
 
 
 def problem_of_this_installation() -> str | None:
-    """The first library that cannot be loaded, or SUMO program that does not start; None if all is well."""
+    """One line on the first library that does not load, or a SUMO that does not start; None if all work."""
     try:
         for module in _IMPORTS:
             importlib.import_module(module)

@@ -1,10 +1,11 @@
-"""Open3D. From 0.20 on its wheels need libusb, for depth cameras that advpipe never opens.
+"""Loads Open3D. From version 0.20 on its wheels need libusb, for depth cameras that advpipe never opens.
 
-Where the system has no libusb, the one of the package libusb-package is loaded first: the loader then takes
-its soname for found. On Linux alone: elsewhere Open3D looks for libusb by a fixed path, or not at all.
+Where the system has no libusb, the library of the package libusb-package is loaded first, which the loader
+then finds by its soname. This is done only on Linux: elsewhere Open3D loads libusb by a fixed path, or not
+at all.
 
-`o3d` is the compiled part of Open3D alone where that can be loaded alone: the rest, plots and data sets for
-machine learning, loads scikit-learn, pandas, dash and IPython, and takes 5 s of processor time, not 0.6.
+`o3d` is only the compiled part of Open3D where that can be loaded separately. The rest, plots and data sets
+for machine learning, loads scikit-learn, pandas, dash and IPython, and takes 5 s of processor time, not 0.6.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ def _offer_libusb() -> None:
         return
     package = find_spec("libusb_package")
     if package is not None and package.origin is not None:
-        with suppress(OSError):  # then Open3D says itself that it misses libusb, if it needs it
+        with suppress(OSError):  # then Open3D itself reports that libusb is missing, if it needs it
             ctypes.CDLL(str(Path(package.origin).parent / "libusb-1.0.so"), mode=ctypes.RTLD_GLOBAL)
 
 
 def _bindings_alone() -> Path | None:
-    """The folder of Open3D whose compiled part needs no help of its `__init__` to be loaded."""
+    """The folder of Open3D if its compiled part can be loaded without its `__init__`, else None."""
     package = find_spec("open3d")
     if sys.platform != "linux" or "open3d" in sys.modules or package is None or package.origin is None:
         return None
@@ -45,7 +46,7 @@ def _bindings_alone() -> Path | None:
 
 @contextmanager
 def _without_its_init(folder: Path) -> Iterator[None]:
-    """`open3d` is a bare package meanwhile; who imports it later gets the whole one."""
+    """Make `open3d` an empty package within the block; a later import loads the full package."""
     os.environ["KMP_DUPLICATE_LIB_OK"], os.environ["TCM_ENABLE"] = "True", "1"  # as its `__init__` does
     bare = ModuleType("open3d")
     bare.__path__ = [str(folder)]

@@ -1,4 +1,4 @@
-"""Options that the command line and the API take from one frozen model: default, bounds and help."""
+"""Options that the command line and the API share: one frozen dataclass holds default, bound and help."""
 
 from __future__ import annotations
 
@@ -9,19 +9,22 @@ from advpipe.pipeline.core.errors import UsageError
 
 
 def option(default: Any, help: str, *, least: int | None = None) -> Any:
-    """A field of a frozen dataclass that is an option; least: its lowest value, None for no bound."""
+    """A field of a frozen dataclass that is an option; least: its lowest value, or None for no bound."""
     return field(default=default, metadata={"help": help, "least": least})
 
 
 def parser_options(model: type, name: str) -> dict[str, Any]:
-    """The keyword arguments of a field for an option parser: `help`, and `min` if it has a bound."""
+    """The keyword arguments that an option parser takes for a field: `help`, and `min` if it has a bound.
+
+    model: the dataclass; name: the field's name. Raises ValueError for a name that is not a field.
+    """
     (found,) = (each for each in fields(model) if each.name == name)
     least = found.metadata["least"]
     return {"help": found.metadata["help"], **({} if least is None else {"min": least})}
 
 
 def check_bounds(options: Any) -> None:
-    """Raises UsageError for an option below its bound; call it in `__post_init__`."""
+    """Raise UsageError for an option below its bound; to be called in `__post_init__`."""
     for each in fields(options):
         value, least = getattr(options, each.name), each.metadata.get("least")
         if least is not None and value is not None and value < least:
@@ -31,22 +34,29 @@ def check_bounds(options: Any) -> None:
 
 
 def device() -> Any:
-    return option("cpu", "Where the detector computes: cpu, cuda, or cuda:N of several GPUs.")
+    """The option that selects the device of the detector."""
+    return option("cpu", "Device of the detector: cpu, cuda, or cuda:N for one of several GPUs.")
 
 
 def lidar_topic() -> Any:
+    """The option that selects one LiDAR of a bag by its topic."""
     return option(None, "Topic of the point clouds if there are several, such as /ego/lidar/points.")
 
 
 def baseline_tries() -> Any:
+    """The option that sets the query budget of the random baseline."""
     return option(
-        None, "Random draws of the baseline; the best of them is scored too; 1: a single draw.", least=1
+        None,
+        "Random draws of the baseline; the best of them is scored too, unless there is only 1.",
+        least=1,
     )
 
 
 def detector() -> Any:
-    return option("small", "A shipped name, a .safetensors file, or module:Class.")
+    """The option that selects the detector."""
+    return option("small", "Name of a shipped detector, a .safetensors file, or module:Class.")
 
 
 def workers() -> Any:
+    """The option that sets the number of processes."""
     return option(None, "Number of worker processes.", least=1)

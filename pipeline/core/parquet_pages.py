@@ -1,8 +1,8 @@
-"""Headers of Parquet pages: what each page unpacks to, whatever the file's footer says of it.
+"""Headers of Parquet pages: the decompressed size of each page, whatever the file's footer states.
 
-Readers trust the footer, which may be false; they decompress as much as each page's header says.
-Where the pages of a column lie is read here from the footer, too: pyarrow ends the process where what it
-says of a column does not fit the rest, encryption and histograms of levels among it.
+Readers trust the footer, which may be false, but decompress as many bytes as each page's header states.
+The offsets of the pages are read from the footer here, too: pyarrow aborts the process if a column's metadata
+is inconsistent, including that on encryption and level histograms.
 Source: parquet-format 2.11, parquet.thrift, in Thrift's compact protocol.
 """
 
@@ -14,10 +14,10 @@ from typing import IO, Any
 
 USUAL_HEADER = 1 << 9
 LONGEST_HEADER = 1 << 16
-"""A header holds the page's least and largest value, which are cut by those who write long ones."""
+"""A header holds the page's smallest and largest value; writers truncate long ones."""
 
 ENCODINGS = {0: "plain", 2: "dictionary", 3: "RLE", 4: "bits", 5: "delta", 8: "dictionary", 9: "byte streams"}
-"""Encodings that unpack a batch at a time. Those of texts as differences (6, 7) make any length at once."""
+"""Encodings that are decoded batch by batch. Delta encodings of strings (6, 7) decode all in one step."""
 
 _TRUE, _FALSE, _BYTE, _I16, _I32, _I64, _DOUBLE, _BINARY, _LIST, _SET, _MAP, _STRUCT = range(1, 13)
 _MOST_LEVELS = 8
@@ -25,7 +25,7 @@ _MOST_LEVELS = 8
 
 @dataclass(frozen=True)
 class Page:
-    """One page of a column: its bytes in the file and unpacked; encoding: its number."""
+    """One page of a column: its size in the file and decompressed; encoding: the number of its encoding."""
 
     compressed_bytes: int
     uncompressed_bytes: int
@@ -34,7 +34,7 @@ class Page:
 
 
 def pages(file: IO[bytes], start: int, length: int) -> Iterator[Page]:
-    """The pages between two places of a file; raises ValueError where there is none."""
+    """The pages in `length` bytes of a file from offset `start`. Raises ValueError for an invalid header."""
     here, end = start, start + length
     while here < end:
         page, header_bytes = _read(file, here)
@@ -44,14 +44,14 @@ def pages(file: IO[bytes], start: int, length: int) -> Iterator[Page]:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Where the pages of one column in one group of rows lie."""
+    """Offset and length in bytes of the pages of one column in one row group."""
 
     start: int
     length: int
 
 
 def column_chunks(footer: bytes) -> list[list[Chunk]]:
-    """Of each group of rows its columns, as a file's footer has them; ValueError for what is no footer."""
+    """The column chunks of each row group, from a file's footer. Raises ValueError for an invalid footer."""
     try:
         groups = _Compact(footer).struct().get(4, [])
         return [[_chunk(column[3]) for column in group[1]] for group in groups]
@@ -59,17 +59,17 @@ def column_chunks(footer: bytes) -> list[list[Chunk]]:
         raise ValueError("the footer lists no columns") from None
 
 
-def _chunk(about: dict[int, Any]) -> Chunk:
-    length, places = about[7], [place for place in (about[9], about.get(11)) if place]
-    if not all(isinstance(value, int) and value >= 0 for value in (length, *places)):
+def _chunk(metadata: dict[int, Any]) -> Chunk:
+    length, offsets = metadata[7], [offset for offset in (metadata[9], metadata.get(11)) if offset]
+    if not all(isinstance(value, int) and value >= 0 for value in (length, *offsets)):
         raise ValueError("a column has no valid offset")
-    return Chunk(min(places, default=0), length)  # a table without rows has no data page
+    return Chunk(min(offsets, default=0), length)  # a table without rows has no data page
 
 
-def _read(file: IO[bytes], place: int) -> tuple[Page, int]:
-    """The page at a place, and the length of its header."""
+def _read(file: IO[bytes], offset: int) -> tuple[Page, int]:
+    """The page at an offset, and the length of its header."""
     for most in (USUAL_HEADER, LONGEST_HEADER):
-        file.seek(place)
+        file.seek(offset)
         header = _Compact(file.read(most))
         try:
             return _page(header.struct()), header.at
@@ -80,17 +80,17 @@ def _read(file: IO[bytes], place: int) -> tuple[Page, int]:
 
 
 def _page(fields: dict[int, Any]) -> Page:
-    kind, unpacked, packed = (fields.get(number) for number in (1, 2, 3))
-    own = fields.get({0: 5, 2: 7, 3: 8}.get(kind, 0) if isinstance(kind, int) else 0)
-    encoding = own.get(4 if kind == 3 else 2) if isinstance(own, dict) else None
-    sizes = (unpacked, packed, encoding)
+    page_type, uncompressed, compressed = (fields.get(number) for number in (1, 2, 3))
+    header = fields.get({0: 5, 2: 7, 3: 8}.get(page_type, 0) if isinstance(page_type, int) else 0)
+    encoding = header.get(4 if page_type == 3 else 2) if isinstance(header, dict) else None
+    sizes = (uncompressed, compressed, encoding)
     if not all(isinstance(size, int) and not isinstance(size, bool) and size >= 0 for size in sizes):
         raise ValueError("a page has no header")
-    return Page(packed, unpacked, encoding, kind == 2)  # type: ignore[arg-type]
+    return Page(compressed, uncompressed, encoding, page_type == 2)  # type: ignore[arg-type]
 
 
 class _Compact:
-    """Reads one struct; truncated or too deeply nested data is a ValueError."""
+    """A reader of one struct; raises ValueError for truncated or too deeply nested data."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self.at = data, 0
@@ -106,30 +106,30 @@ class _Compact:
             fields[number] = self._value(head & 15, level)
         return fields
 
-    def _value(self, kind: int, level: int) -> Any:
-        if kind in (_TRUE, _FALSE):
-            return kind == _TRUE
-        if kind == _BYTE:
+    def _value(self, type_id: int, level: int) -> Any:
+        if type_id in (_TRUE, _FALSE):
+            return type_id == _TRUE
+        if type_id == _BYTE:
             return self._byte()
-        if kind in (_I16, _I32, _I64):
+        if type_id in (_I16, _I32, _I64):
             return self._signed()
-        if kind == _DOUBLE:
+        if type_id == _DOUBLE:
             return self._skip(8)
-        if kind == _BINARY:
+        if type_id == _BINARY:
             return self._skip(self._unsigned())
-        if kind in (_LIST, _SET):
+        if type_id in (_LIST, _SET):
             head = self._byte()
             count = head >> 4 if head >> 4 < 15 else self._unsigned()
             if count > LONGEST_HEADER:
                 raise ValueError("a page header holds too long a list")
             return [self._item(head & 15, level + 1) for _ in range(count)]
-        if kind == _STRUCT:
+        if type_id == _STRUCT:
             return self.struct(level + 1)
-        raise ValueError(f"a page header holds a value of unknown type {kind}")
+        raise ValueError(f"a page header holds a value of unknown type {type_id}")
 
-    def _item(self, kind: int, level: int) -> Any:
+    def _item(self, type_id: int, level: int) -> Any:
         """A value in a list, where true and false are bytes."""
-        return self._byte() == _TRUE if kind in (_TRUE, _FALSE) else self._value(kind, level)
+        return self._byte() == _TRUE if type_id in (_TRUE, _FALSE) else self._value(type_id, level)
 
     def _byte(self) -> int:
         if self.at >= len(self._data):

@@ -1,4 +1,4 @@
-"""A folder that appears under its final name only when it is whole."""
+"""Atomic output folders: a folder appears under its final name only when it is complete."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from advpipe.pipeline.core.lock import (
 )
 
 REPLACED_NAME = "replaced"
-"""In a hidden folder: the former output, while the new one takes its name."""
+"""The former output within a hidden folder, while the new one takes its name."""
 
 MOVING_NAME = ".moving"
-"""In a hidden folder: everything in it is whole, and a run was moving it to its final names."""
+"""Marks a hidden folder whose content is complete and was being moved to its final names."""
 
 _HIDDEN = re.compile(r"\.(.+)\.partial-[^.]+")
 
 
 def final_path(path: Path) -> Path:
-    """The path that a file in a hidden folder is to get.
+    """The final path of a file that is still in a hidden folder.
 
     >>> final_path(Path("datasets/.town.partial-x1/clean"))
     PosixPath('datasets/town/clean')
@@ -42,7 +42,7 @@ def final_path(path: Path) -> Path:
 
 
 def leftovers(final: Path) -> list[Path]:
-    """The hidden folders of runs for this name, of killed and of living ones; the newest first."""
+    """The hidden folders of killed and running commands for this output, newest first."""
     if not final.parent.is_dir():
         return []
     found = [
@@ -52,16 +52,16 @@ def leftovers(final: Path) -> list[Path]:
 
 
 def _changed_ns(path: Path) -> int:
-    with suppress(OSError):  # another run removes it just now
+    with suppress(OSError):  # another run has just removed it
         return path.stat().st_mtime_ns
     return 0
 
 
 @contextmanager
 def lock_leftover(leftover: Path) -> Iterator[bool]:
-    """Whether the run that filled it is dead; then no other run removes it within the block."""
+    """Yield whether the run that filled the folder is dead; if so, no other run removes it in the block."""
     lock = take_stale_lock(leftover / LOCK_NAME)
-    if lock is None:  # another run's, or nobody's in a folder that only its owner may change
+    if lock is None:  # locked by another run, or in a folder that this user cannot write
         yield not is_locked(leftover / LOCK_NAME)
         return
     with lock:
@@ -74,7 +74,7 @@ def _prefix(final: Path) -> str:
 
 def _make_hidden(final: Path) -> Path:
     folder = Path(tempfile.mkdtemp(prefix=_prefix(final), dir=final.parent))
-    folder.chmod(0o755)  # mkdtemp's 0700 would hide the bag from everybody else
+    folder.chmod(0o755)  # mkdtemp's 0700 would hide the bag from other users
     return folder
 
 
@@ -90,11 +90,11 @@ def _lock(folder: Path) -> IO[bytes]:
 
 
 class PartialFolder:
-    """A hidden folder beside `final`, renamed to it by `commit` or removed by `discard`.
+    """A hidden folder beside `final`, which `commit` renames to `final` and `discard` removes.
 
-    A killed run leaves only the hidden folder. It stays, for `advpipe recover`, until a later run for the
-    same name has finished; of several, the newest stays. One that a living run still fills is never
-    touched: its lock shows that.
+    A killed run leaves only the hidden folder. It is kept for `advpipe recover` until a later run for the
+    same name has finished; of several, only the newest is kept. A folder that a running command still fills
+    is recognised by its lock and never touched. The constructor raises OSError if no folder can be made.
     """
 
     def __init__(self, final: Path) -> None:
@@ -111,7 +111,10 @@ class PartialFolder:
             raise
 
     def commit(self, may_replace: Callable[[Path], bool]) -> None:
-        """Give the folder its final name; what lies there is replaced if `may_replace` says so."""
+        """Give the folder its final name, and replace what has that name if `may_replace` of it is true.
+
+        Raises AdvpipeError if it may not be replaced.
+        """
         with one_at_a_time(self.final.parent):
             if self.final.exists() and not may_replace(self.final):
                 raise AdvpipeError(f"{self.final} was created in the meantime; not overwriting it")
@@ -137,7 +140,7 @@ class PartialFolder:
     def discard(self, is_finished: bool = False) -> None:
         """Remove the folder, and the folders above it that were made for it and hold nothing else.
 
-        is_finished: what was in it found its place elsewhere.
+        is_finished: its content has been moved to its final place, so leftovers of killed runs go, too.
         """
         if is_finished:
             self._remove_leftovers()
@@ -146,12 +149,12 @@ class PartialFolder:
         self._remove_new_parents()
 
     def _remove_new_parents(self) -> None:
-        with suppress(OSError):  # the first one that is not empty, or was never made
+        with suppress(OSError):  # one is not empty, or was never made
             for parent in self._new_parents:
                 parent.rmdir()
 
     def _remove_leftovers(self, kept: int = 0) -> None:
-        """All of killed runs, but for the `kept` newest."""
+        """Remove the folders of killed runs, except the `kept` newest."""
         if not HAS_LOCKS:
             return
         for leftover in leftovers(self.final):
@@ -164,9 +167,10 @@ class PartialFolder:
 
 @dataclass(frozen=True)
 class FolderKind:
-    """What a stage's folder is made of, so that nobody else's folder is replaced.
+    """The content of a stage's output folder, by which foreign folders are recognised and not replaced.
 
-    items: the names that the stage makes. marks: files that every finished folder of the kind holds.
+    name: the type of folder in messages. items: the names that the stage makes. marks: files that every
+    finished folder of this type holds.
     """
 
     name: str
@@ -174,23 +178,23 @@ class FolderKind:
     marks: tuple[str, ...]
 
     def refuse_foreign(self, folder: Path) -> None:
-        """Raises AdvpipeError where items would be replaced in a folder that is not of this kind."""
+        """Raise UsageError if items would be replaced in a folder that is not of this type."""
         taken = [name for name in self.items if (folder / name).exists()]
         lacking = [mark for mark in self.marks if not (folder / mark).is_file()]
         if taken and lacking:
             raise UsageError(
                 f"{folder} holds {taken[0]} but no {lacking[0]}, so it is not a {self.name}; it is "
-                "not replaced, "
-                "choose another name"
+                "not replaced, choose another name"
             )
 
 
 @contextmanager
 def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Path]:
-    """A folder to fill; what is in it moves to `final` when the block ends without an error.
+    """Yield a hidden folder to fill; move its content to `final` when the block ends without an error.
 
-    With `overwrite`, an old `final` stays as it is until then, and items of it that are not made anew
-    stay for good: attacks and reports of a data set whose drive is recorded again.
+    With `overwrite`, an old `final` is unchanged until then, and those of its items that are not made anew
+    are kept: attacks and reports of a data set whose drive is recorded again. Raises OutputExistsError for a
+    `final` that exists without `overwrite`, UsageError for one of another type, AdvpipeError for a full disk.
     """
 
     def refuse() -> None:
@@ -206,7 +210,7 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
     try:
         with writing(final):
             yield partial.path
-        refuse()  # again: it may have appeared meanwhile
+        refuse()  # again: another run may have made it in the meantime
         if final.is_dir():
             move_items(partial.path, final)
             partial.discard(is_finished=True)
@@ -218,10 +222,11 @@ def staged_folder(final: Path, overwrite: bool, kind: FolderKind) -> Iterator[Pa
 
 
 def move_items(new: Path, target: Path, outdated: Sequence[Path] = ()) -> None:
-    """Move all visible items of a hidden folder to `target`: all of them, or none.
+    """Move either all visible items of the hidden folder `new` to the folder `target`, or none.
 
-    outdated: further paths that go. What was replaced stays in `new`, hidden, and goes with it. A killed run
-    leaves some items moved; `finish_moves` moves the rest.
+    outdated: further paths to remove. Replaced items are hidden in `new` and removed with it. A killed run
+    leaves only some items moved; `finish_moves` moves the rest. Raises OSError, with every item back in its
+    place.
     """
     items = sorted(item for item in new.iterdir() if not item.name.startswith("."))
     places = [(item, target / item.name) for item in items]
@@ -245,9 +250,9 @@ def move_items(new: Path, target: Path, outdated: Sequence[Path] = ()) -> None:
 def finish_moves(
     final: Path, target: Path, outdated: Callable[[Path], Sequence[Path]] = lambda _: ()
 ) -> None:
-    """Finish what a run was killed in the middle of: moving the items of its output to `target`.
+    """Finish moving the items of a killed run's output to `target`.
 
-    final: the name that it was run for. outdated: of its hidden folder, what else has to go.
+    final: the output path of that run. outdated: further paths to remove, given the run's hidden folder.
     """
     if not HAS_LOCKS or not target.is_dir():
         return
@@ -259,7 +264,7 @@ def finish_moves(
 
 
 def remove_output(path: Path) -> None:
-    """Remove a folder, if it is there: after a kill it is whole or gone, never half a folder of that name."""
+    """Remove a folder if it exists. After a kill it is either complete or gone, never partly removed."""
     if path.exists():
         partial = PartialFolder(path)
         path.rename(partial.path / f".old.{path.name}")

@@ -1,4 +1,4 @@
-"""JSON of others, read within bounds: finite numbers, each key once, no deep nesting, Unicode text only."""
+"""A bounded reader of untrusted JSON: finite numbers, each key once, no deep nesting, Unicode text only."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from advpipe.pipeline.core.plain_values import LONGEST_NUMBER, MOST_LEVELS, refu
 
 LIMIT_BYTES = 2 << 20
 _BRACKETS = re.compile(r'"(?:[^"\\]+|\\.)*"?|[\[{]|[\]}]', re.DOTALL)
-"""Strings as a whole, also one without an end, so that brackets in them do not count."""
+"""Brackets, and strings as a whole (even an unterminated one), so that brackets in strings do not count."""
 
 
 def load_json(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
-    """The document's values: dictionaries, lists, strings, finite numbers, booleans and None.
+    """Parse a JSON text to dictionaries, lists, strings, finite numbers, booleans and None.
 
-    Raises ValueError for a text that is no JSON, is too long or too deep, names a key twice, or holds NaN,
-    an infinity, a number of more than `LONGEST_NUMBER` digits, a NUL, or half a surrogate pair.
+    limit_bytes: the longest text that is read. Raises ValueError for a text that is not JSON, is too long or
+    too deep, repeats a key, or holds NaN, an infinity, a number of more than `LONGEST_NUMBER` digits, a NUL,
+    or an unpaired surrogate.
     """
     if isinstance(text, bytes):
         if len(text) > limit_bytes:
@@ -39,7 +40,7 @@ def load_json(text: str | bytes, limit_bytes: int = LIMIT_BYTES) -> Any:
 
 
 def _refuse_depth(text: str) -> None:
-    """Before the parser, whose recursion it would be."""
+    """Refuse deep nesting before the recursive parser runs."""
     if text.count("[") + text.count("{") <= MOST_LEVELS:
         return
     level = 0
@@ -71,8 +72,8 @@ def _refuse_long(digits: str) -> None:
         raise ValueError(f"a number has {len(digits)} characters; at most {LONGEST_NUMBER} are read")
 
 
-def _refuse_constant(word: str) -> NoReturn:
-    raise ValueError(f"{word} is not a JSON number")
+def _refuse_constant(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is not a JSON number")
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

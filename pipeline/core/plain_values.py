@@ -1,14 +1,14 @@
-"""What the values in a text of others may be, whichever language it is in: see `plain_json`, `plain_yaml`."""
+"""The limits on values in untrusted documents, which `plain_json` and `plain_yaml` share."""
 
 from __future__ import annotations
 
 MOST_LEVELS = 100
 LONGEST_NUMBER = 100
-"""Characters of a number. Python and PyYAML take the square of their count for some of them."""
+"""Characters of a number. For some numbers, Python and PyYAML take time quadratic in their length."""
 
 
 def refuse_unsafe_strings(document: object) -> None:
-    """Raises ValueError for a string, key or value, that no file name, terminal or UTF-8 file can hold.
+    """Raise ValueError for a string, key or value, that no file name, terminal or UTF-8 file can hold.
 
     document: lists and dictionaries, at most `MOST_LEVELS` deep.
     """
@@ -16,7 +16,7 @@ def refuse_unsafe_strings(document: object) -> None:
     while waiting:
         value = waiting.pop()
         if isinstance(value, str):
-            _refuse_odd(value)
+            _refuse_unsafe(value)
         elif isinstance(value, dict):
             waiting += value.keys()
             waiting += value.values()
@@ -24,7 +24,7 @@ def refuse_unsafe_strings(document: object) -> None:
             waiting += value
 
 
-def _refuse_odd(text: str) -> None:
+def _refuse_unsafe(text: str) -> None:
     if "\0" in text:
         raise ValueError("a string holds a NUL character")
     try:

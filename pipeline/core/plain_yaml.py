@@ -1,4 +1,4 @@
-"""YAML of others, read within bounds: plain values, and no aliases, which can make a page huge."""
+"""A bounded reader of untrusted YAML: plain values only, and no aliases, which can expand without limit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ else:
 LIMIT_BYTES = 2 << 20
 
 _BAD_VALUES = (LookupError, TypeError, AttributeError, ArithmeticError)
-"""What PyYAML raises, beside its own errors and ValueError, on a value not of its tag: `!!bool x`."""
+"""Exceptions of PyYAML, besides its own and ValueError, for a value that does not fit its tag: `!!bool x`."""
 
 
 class _PlainLoader(_Fastest):
@@ -37,15 +37,15 @@ def _number(loader: _PlainLoader, node: yaml.ScalarNode) -> int | float:
 
 for _tag in ("int", "float"):
     _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _number)
-for _tag in ("binary", "set", "omap", "pairs"):  # what JSON has no word for
+for _tag in ("binary", "set", "omap", "pairs"):  # types that JSON lacks
     _PlainLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _PlainLoader.construct_undefined)  # type: ignore[type-var]
 
 
 def load_yaml(text: str) -> Any:
-    """The document's plain values.
+    """Parse a YAML text to the values that JSON has, and dates.
 
-    Raises yaml.YAMLError or ValueError for a text that is none, has aliases, is too long or too deep, names
-    a key twice, or holds a number of more than `LONGEST_NUMBER` characters, a NUL, or half a surrogate pair.
+    Raises yaml.YAMLError or ValueError for a text that is not YAML, has aliases, is too long or too deep,
+    repeats a key, or holds a number of more than `LONGEST_NUMBER` characters, a NUL or an unpaired surrogate.
     """
     if len(text) > LIMIT_BYTES:
         raise ValueError(f"{len(text)} characters are too long")

@@ -1,4 +1,4 @@
-"""Plug-ins (users' attacks and detectors): an exception in one becomes a one-line error with its place."""
+"""Plug-ins (users' attacks and detectors): turns their exceptions into one-line errors with file and line."""
 
 from __future__ import annotations
 
@@ -13,59 +13,60 @@ from advpipe.pipeline.core.errors import AdvpipeError
 
 Work = Callable[[int], None]
 
-_OF_OTHERS = (
+_FOREIGN_FOLDERS = (
     *(PACKAGE / folder for folder in ("pipeline", "stages")),
     *(Path(sysconfig.get_path(which)) for which in ("stdlib", "purelib", "platlib")),
 )
-"""Folders of code that is not the user's."""
+"""Folders of code that the user did not write."""
 
 
-def plugin_names(words: Iterable[str]) -> tuple[str, ...]:
-    """The attacks and detectors that are plug-ins, named `module:Class`."""
-    return tuple(dict.fromkeys(word for word in words if ":" in word))
+def plugin_names(names: Iterable[str]) -> tuple[str, ...]:
+    """The names of the form `module:Class`, which are plug-ins, among names of attacks and detectors."""
+    return tuple(dict.fromkeys(name for name in names if ":" in name))
 
 
-def user_class(of_use: object) -> tuple[str, ...]:
-    """`module:Class` of a detector that is the user's own; nothing for one of ours."""
-    kind = type(of_use)
-    return () if kind.__module__.startswith("advpipe.") else (f"{kind.__module__}:{kind.__qualname__}",)
+def user_class(instance: object) -> tuple[str, ...]:
+    """`module:Class` of an object whose class is the user's; an empty tuple for a class of advpipe."""
+    cls = type(instance)
+    return () if cls.__module__.startswith("advpipe.") else (f"{cls.__module__}:{cls.__qualname__}",)
 
 
-def with_plugin_errors(prepare: Callable[[], Work], own: Sequence[str]) -> Work:
-    """The work that `prepare` returns, with exceptions in plug-ins reported in one line."""
-    with plugin_errors(own):
+def with_plugin_errors(prepare: Callable[[], Work], plugins: Sequence[str]) -> Work:
+    """The function that `prepare` returns, with exceptions in plug-ins raised as by `plugin_errors`."""
+    with plugin_errors(plugins):
         work = prepare()
 
     def work_with_errors(job: int) -> None:
-        with plugin_errors(own):
+        with plugin_errors(plugins):
             work(job)
 
     return work_with_errors
 
 
 @contextmanager
-def plugin_errors(own: Sequence[str]) -> Iterator[None]:
-    """Raises AdvpipeError, one line, for whatever goes wrong inside; as it is where nothing is `own`.
+def plugin_errors(plugins: Sequence[str]) -> Iterator[None]:
+    """Raise AdvpipeError, one line, for any exception in the block; without plug-ins, leave it unchanged.
 
-    A program that ends itself goes wrong, too: it leaves nothing behind, and no word why.
+    plugins: the names of the plug-ins that run in the block. A SystemExit in a plug-in is an error, too: the
+    program would end without a message.
     """
     try:
         yield
-    except (AdvpipeError, OSError):  # said in one line as they are
+    except (AdvpipeError, OSError):  # already a one-line error
         raise
     except (Exception, SystemExit) as error:
-        if not own:
+        if not plugins:
             raise
         reason = " ".join(str(error).split())
         raise AdvpipeError(
-            f"{' or '.join(own)} failed: {type(error).__name__}: {reason}{_place(error)}; fix it"
+            f"{' or '.join(plugins)} failed: {type(error).__name__}: {reason}{_place(error)}; fix it"
         ) from None
 
 
 def _place(error: BaseException) -> str:
-    """File and line of the user's that the error came through last; "" if there is none."""
+    """File and line of the innermost call in the user's code; "" if there is none."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         path = Path(frame.filename)
-        if path.is_file() and not any(path.is_relative_to(folder) for folder in _OF_OTHERS):
+        if path.is_file() and not any(path.is_relative_to(folder) for folder in _FOREIGN_FOLDERS):
             return f" ({path.name}, line {frame.lineno})"
     return ""

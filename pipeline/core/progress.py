@@ -1,4 +1,4 @@
-"""Progress of long work on standard error: a bar on a terminal, a line now and then elsewhere."""
+"""Progress of long work on standard error: a bar on a terminal, a line every few seconds elsewhere."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from advpipe.pipeline.core.verbosity import detail, is_quiet, notice
 T = TypeVar("T")
 
 LINE_EVERY_S = 10.0
-"""In a pipe or a log file; what takes less time than this writes none."""
+"""Interval of the lines in a pipe or a log file; work that takes less time prints none."""
 
 
 def track(
     items: Iterable[T], description: str, total: int | None = None, status: Callable[[], str] | None = None
 ) -> Iterator[T]:
-    """The same items; says on standard error how many have come, and how long the rest will take.
+    """Yield the same items, and show on standard error how many are done and how long the rest will take.
 
-    total: number of items, if they have no length. status: text to show beside, called for each item.
-    --quiet silences it.
+    total: number of items, if they have no length. status: returns a text to show, called for each item.
+    --quiet suppresses the output.
     """
     description, begin_s, count = one_line(description), time.monotonic(), 0
     total = len(items) if total is None and isinstance(items, Sized) else total
-    for count, item in enumerate(_shown(items, description, total, status), 1):  # noqa: B007
+    for count, item in enumerate(_with_progress(items, description, total, status), 1):  # noqa: B007
         yield item
     detail(f"{description}: {count:,} in {time.monotonic() - begin_s:.2f} s")
 
 
-def _shown(
+def _with_progress(
     items: Iterable[T], description: str, total: int | None, status: Callable[[], str] | None
 ) -> Iterable[T]:
     if is_quiet():

@@ -11,12 +11,12 @@ from advpipe.pipeline.core.lock import LOCK_NAME, take_lock
 
 PREFIX = "advpipe-"
 FILES_NAME = "files"
-"""The folder in it that is used, made when the lock is there."""
+"""The folder inside that holds the files, made once the lock exists."""
 
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """An empty folder where temporary files go, removed with all that is in it when the block ends."""
+    """Yield an empty folder for temporary files; remove it with its content when the block ends."""
     with (
         tempfile.TemporaryDirectory(prefix=PREFIX) as name,
         take_lock(Path(name) / LOCK_NAME) or nullcontext(),

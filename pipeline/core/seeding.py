@@ -1,4 +1,4 @@
-"""Random generators: one seed in the scenario, one named generator for each use of chance."""
+"""Random generators: one seed in the scenario, and one named generator for each use of randomness."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 
 def named_generator(seed: int, *names: str | int) -> np.random.Generator:
-    """A generator for one use, independent of every other name under the same seed.
+    """A random generator, independent of the generators with other names under the same seed.
 
-    A new consumer with a name of its own leaves the draws of all others as they were.
+    Adding a consumer with a new name does not change the draws of any other.
 
         >>> rng = named_generator(7, "lidar", "ego", frame_index)
     """

@@ -1,6 +1,6 @@
-"""SIGINT, SIGTERM and SIGHUP end a command alike: what it began is cleaned up, and one line says why.
+"""Handles SIGINT, SIGTERM and SIGHUP alike: the command cleans up, prints one line with the reason and ends.
 
-Only light modules of the standard library are imported here: this is loaded before everything else.
+Only light modules of the standard library are imported here, as this module is loaded before all others.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
-WORDS = {
-    getattr(signal, name): word
-    for name, word in (("SIGINT", "interrupted"), ("SIGTERM", "terminated"), ("SIGHUP", "hung up"))
+REASONS = {
+    getattr(signal, name): reason
+    for name, reason in (("SIGINT", "interrupted"), ("SIGTERM", "terminated"), ("SIGHUP", "hung up"))
     if hasattr(signal, name)  # Windows has no SIGHUP
 }
-"""The signals that end a command, with what its last line says."""
+"""The signals that end a command, with the reason in its last line."""
 
-_AGAIN_S = 0.02
+_RETRY_S = 0.02
 _IMPORT_SYSTEM = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap_external>")
 _COMMAND_LINE = ("advpipe.__main__", "advpipe.pipeline.cli", "__main__")
 
@@ -30,64 +30,67 @@ _is_waiting = False
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asks the command to end: cleaned up after as ctrl-C, of which it is a kind."""
+    """A signal ended the command. It is a KeyboardInterrupt, so that the cleanup is that of Ctrl-C."""
 
     def __init__(self, number: int) -> None:
-        super().__init__(WORDS[number])
+        super().__init__(REASONS[number])
         self.number = number
 
 
 class Deferred:
-    """Whether a signal came in the block of `deferred`, and which."""
+    """The signal, if any, that arrived in the block of `deferred`."""
 
     def __init__(self) -> None:
         self.number: int | None = None
 
     def is_set(self) -> bool:
+        """Whether a signal arrived."""
         return self.number is not None
 
     def raise_if_set(self) -> None:
+        """Raise `Stopped` if a signal arrived."""
         if self.number is not None:
             raise Stopped(self.number)
 
 
 def install() -> None:
-    """From now on these signals raise `Stopped` in the main thread; those ignored, as by nohup, stay so."""
-    for number in WORDS:
+    """Make these signals raise `Stopped` in the main thread; ignored signals (as with nohup) stay ignored."""
+    for number in REASONS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
     if hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, _try_again)
+        signal.signal(signal.SIGALRM, _retry)
     sys.unraisablehook = _unraisable
 
 
 def uninstall() -> None:
-    """The command has ended: one more signal ends the process without a word, whatever it tidies up."""
+    """Restore the default handlers after the command's end: a further signal ends the process silently."""
     global _is_waiting
     _is_waiting = False
-    for number in WORDS:
+    for number in REASONS:
         if signal.getsignal(number) is _stop:
             signal.signal(number, signal.SIG_DFL)
 
 
 def received() -> int | None:
-    """The signal that ends this command, if any: what is raised after it is its consequence."""
+    """The signal that ends this command, or None: an exception after it is its consequence."""
     return _received
 
 
 def last_line(number: int) -> str:
-    return f"advpipe: {WORDS[number]}"
+    """The line that a command prints when this signal ends it."""
+    return f"advpipe: {REASONS[number]}"
 
 
 def exit_code(number: int) -> int:
-    """As shells count it."""
+    """The exit code of a command that this signal ends, by the convention of shells."""
     return 128 + number
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    """Raises `Stopped`, but not within an import: libraries catch it there, or are left half loaded.
+    """Raise `Stopped`, except during an import, where libraries catch it or are left half loaded.
 
-    Where the command line itself imports, nothing has begun that would have to be cleaned up.
+    While the command line itself imports, nothing has begun that needs cleaning up, so the process ends.
     """
     global _received
     is_first, _received = _received is None, number
@@ -102,11 +105,11 @@ def _stop(number: int, frame: FrameType | None) -> None:
 def _wait() -> None:
     global _is_waiting
     _is_waiting = True
-    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    signal.setitimer(signal.ITIMER_REAL, _RETRY_S)
 
 
-def _try_again(_alarm: int, frame: FrameType | None) -> None:
-    """The library is loaded, perhaps."""
+def _retry(_alarm: int, frame: FrameType | None) -> None:
+    """Raise `Stopped` if the import has ended in the meantime."""
     global _is_waiting
     if not _is_waiting or _received is None:
         return
@@ -120,7 +123,7 @@ def _try_again(_alarm: int, frame: FrameType | None) -> None:
 
 
 def _importer(frame: FrameType | None) -> str | None:
-    """The name of the module whose import statement runs, the outermost one; None outside of imports."""
+    """The name of the module whose import statement runs, the outermost if nested; None outside imports."""
     found, inner = None, False
     while frame is not None:
         is_import_system = frame.f_code.co_filename in _IMPORT_SYSTEM
@@ -140,7 +143,7 @@ def _end_now(number: int) -> None:
 
 
 def _unraisable(unraisable: Any) -> None:
-    """A signal that arrived in a destructor or callback, which cannot raise, is raised a moment later."""
+    """Raise `Stopped` a moment later if a signal arrived in a destructor or callback, which cannot raise."""
     if isinstance(unraisable.exc_value, Stopped) and hasattr(signal, "setitimer"):
         _wait()
     else:
@@ -149,7 +152,7 @@ def _unraisable(unraisable: Any) -> None:
 
 @contextmanager
 def deferred() -> Iterator[Deferred]:
-    """In the block a first signal is only noted, so that the block can save its state and end by itself."""
+    """Only note a signal that arrives in the block, so that the block can save its state and then end."""
     noted = Deferred()
     if threading.current_thread() is not threading.main_thread():
         yield noted
@@ -158,7 +161,7 @@ def deferred() -> Iterator[Deferred]:
     def note(number: int, _frame: FrameType | None) -> None:
         noted.number = number
 
-    before = {number: signal.getsignal(number) for number in WORDS}
+    before = {number: signal.getsignal(number) for number in REASONS}
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:
             signal.signal(number, note)
@@ -171,11 +174,11 @@ def deferred() -> Iterator[Deferred]:
 
 @contextmanager
 def blocked() -> Iterator[None]:
-    """Signals wait until the end of the block; a process that is started within begins with them blocked."""
+    """Block the signals until the end of the block; a process that is started in it inherits the mask."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, WORDS)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
     try:
         yield
     finally:
@@ -183,8 +186,8 @@ def blocked() -> Iterator[None]:
 
 
 def leave_to_parent() -> None:
-    """In a worker process, started within `blocked`: signals are the parent's business alone."""
-    for number in WORDS:
+    """Ignore the signals in a worker process that was started within `blocked`: its parent handles them."""
+    for number in REASONS:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, WORDS)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, REASONS)

@@ -1,8 +1,8 @@
-"""Standard output and error that show whatever text they are given, and obey none of it.
+"""Standard output and error that escape control sequences in untrusted text.
 
-Names of topics, folders and frames, and the record of who made a bag, are text from others: an escape
-sequence in it could clear the screen, retitle the window or hide a line. Whatever a command prints goes
-through `safe_streams`, so no command has to think of it.
+Names of topics, folders and frames, and the provenance of a bag, are untrusted text: an escape sequence in it
+could clear the screen, retitle the window or hide a line. Everything that a command prints goes through
+`safe_streams`, so that no command needs to escape text itself.
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ if TYPE_CHECKING:
 
 
 def unwrapped(stream: TextIO) -> TextIO:
-    """The stream itself, for a bar that moves the cursor; its text has to be spelt out before."""
+    """The original stream, for a progress bar that moves the cursor; the caller escapes its text."""
     return stream._stream if isinstance(stream, SafeStream) else stream
 
 
 class SafeStream:
-    """A text stream that writes `escape_unprintable` text to another one.
+    """A text stream that writes text through `escape_unprintable` to another stream.
 
-    It is no terminal to libraries that ask, so that they send no colours: those would be spelt out, too.
-    is_optional: what cannot be written is dropped, as messages on a closed standard error are.
+    `isatty` is False so that libraries send no colours, which would be escaped, too.
+    is_optional: text that cannot be written is dropped, such as messages on a closed standard error.
     """
 
     def __init__(self, stream: TextIO, is_optional: bool) -> None:
         self._stream, self._is_optional = stream, is_optional
 
     def write(self, text: str) -> int:
-        with self._refusals_told():
+        """Write the escaped text. Raises AdvpipeError if it cannot be written and the stream is required."""
+        with self._write_errors():
             self._stream.write(escape_unprintable(text))
         return len(text)
 
@@ -46,7 +47,8 @@ class SafeStream:
             self.write(line)
 
     def flush(self) -> None:
-        with self._refusals_told():
+        """Flush the stream. Raises as `write` does."""
+        with self._write_errors():
             self._stream.flush()
 
     def isatty(self) -> bool:
@@ -56,7 +58,8 @@ class SafeStream:
         return getattr(self._stream, name)
 
     @contextmanager
-    def _refusals_told(self) -> Iterator[None]:
+    def _write_errors(self) -> Iterator[None]:
+        """Raise AdvpipeError for output that cannot be written, or drop it if the stream is optional."""
         try:
             yield
         except BrokenPipeError:
@@ -70,7 +73,7 @@ class SafeStream:
 
 @contextmanager
 def safe_streams() -> Iterator[None]:
-    """Within the block, standard output and error spell out what must not reach a terminal.
+    """Make standard output and error escape unsafe text within the block.
 
     A character that the locale's encoding lacks is shown as `?`.
     """
@@ -90,22 +93,22 @@ def safe_streams() -> Iterator[None]:
 
 
 def _reconfigure(stream: Any, errors: str) -> None:
-    with suppress(AttributeError, OSError, ValueError):  # it flushes, and may be full, closed or no file
+    with suppress(AttributeError, OSError, ValueError):  # flushes a stream that may be full or closed
         stream.reconfigure(errors=errors)
 
 
 def plain_console() -> Console:
-    """For tables on standard output: text is shown as it is, without rich's markup and emoji codes."""
+    """A console for tables on standard output; it shows text literally, without rich's markup and emoji."""
     from rich.console import Console
 
     return Console(markup=False, emoji=False, highlight=False)
 
 
 def open_closed() -> None:
-    """Opens standard streams that were closed on entry, on nothing.
+    """Open standard streams that were closed at the start of the program, on the null device.
 
-    Otherwise the next file to be opened would get their numbers, and what a library writes to standard output
-    would land in it.
+    Otherwise the next file to be opened would get such a stream's descriptor, and a library that writes
+    to standard output would write into that file.
     """
     for number in (0, 1, 2):
         try:
@@ -121,8 +124,8 @@ def open_closed() -> None:
 
 
 def drop_output() -> None:
-    """What standard output still holds back cannot be written: it goes nowhere, rather than fail again."""
-    with suppress(OSError, ValueError):  # no file, as in a test
+    """Discard buffered standard output that cannot be written, so that it does not fail again at exit."""
+    with suppress(OSError, ValueError):  # not a file, as in a test
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
@@ -130,14 +133,17 @@ def drop_output() -> None:
 
 
 def flush_output() -> None:
-    """Writes what is held back; raises AdvpipeError where that is refused, but for a reader that is gone."""
+    """Write buffered standard output.
+
+    Raises BrokenPipeError if its reader has ended, and AdvpipeError if it cannot be written otherwise.
+    """
     SafeStream(sys.stdout, is_optional=False).flush()
 
 
 def is_reader_gone() -> bool:
-    """Whether the reader of standard output is gone, as after `| head`."""
+    """Whether the reader of standard output has ended, as after `| head`."""
     with suppress(OSError, ValueError, AttributeError):
         poll = select.poll()
-        poll.register(sys.stdout.fileno(), 0)  # errors alone are reported
+        poll.register(sys.stdout.fileno(), 0)  # only errors are reported
         return bool(poll.poll(0))
     return False

@@ -1,4 +1,4 @@
-"""Results that are tables: rows for programs, a DataFrame, one line of text, and HTML in a notebook."""
+"""Results that are tables: as rows, as a DataFrame, as one line of text, and as HTML in a notebook."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Rows = list[dict[str, object]]
-"""A table: one mapping a row, from the names of its columns."""
+"""A table: for each row, a mapping from the names of the columns to values."""
 
 
 class Tabular(ABC):
-    """What a command made or found, as a table.
+    """The result of a command as a table.
 
-    Its `str` is what the command line prints of it, and the first line of that its `repr`. A dataclass that
-    inherits from it is decorated with `repr=False`.
+    `str` is the text that the command line prints, and `repr` the first line of that text. A dataclass that
+    inherits from this class must be decorated with `repr=False`.
     """
 
     @abstractmethod
     def to_dicts(self) -> Rows:
-        """The table's rows, each with all of its columns; units are in the columns' names."""
+        """The rows of the table, each with all columns; the names of the columns state units."""
 
     def to_pandas(self) -> pd.DataFrame:
         """The same rows as a `pandas.DataFrame`. Raises UsageError where pandas is not installed."""
@@ -35,14 +35,14 @@ class Tabular(ABC):
         return f"<{type(self).__name__} {str(self).partition(chr(10))[0]}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the same line, and the table."""
+        """The HTML that a notebook shows: the text of the result, and the table."""
         rows = self.to_dicts()
         heads = list(rows[0]) if rows else []
         return html_paragraph(self) + html_table(heads, [[row[head] for head in heads] for row in rows])
 
 
 def data_frame(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
-    """The rows as a DataFrame; raises UsageError where pandas is not installed."""
+    """The rows as a `pandas.DataFrame`. Raises UsageError where pandas is not installed."""
     try:
         import pandas as pd
     except ImportError:
@@ -53,7 +53,7 @@ def data_frame(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
 
 
 def html_table(heads: Sequence[str], lines: Iterable[Iterable[object]], caption: str = "") -> str:
-    """A table in HTML; nothing without heads. Cells are escaped, and empty where a value is None."""
+    """A table in HTML, "" if there are no heads. Cells are escaped, and empty where a value is None."""
     if not heads:
         return ""
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
@@ -63,7 +63,7 @@ def html_table(heads: Sequence[str], lines: Iterable[Iterable[object]], caption:
 
 
 def html_paragraph(text: object) -> str:
-    """A paragraph in HTML; its line breaks are kept."""
+    """A paragraph of escaped text in HTML; line breaks are kept."""
     return f"<p>{escape(str(text)).replace(chr(10), '<br>')}</p>"
 
 

@@ -1,8 +1,8 @@
-"""How much a command prints besides its result, and where to.
+"""Decides how much a command prints besides its result, and where.
 
 A result goes to standard output: text for people, or with --json one document for programs. Everything else
-goes to standard error: notices unless --quiet, and with --verbose what is loaded, with which seed and
-versions, and how long each phase takes. Worker processes print nothing.
+goes to standard error: notices (unless --quiet), and with --verbose details such as loaded files, seeds,
+versions and the duration of each phase. Worker processes print nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,11 @@ from advpipe.pipeline.core.text import one_line
 
 @dataclass(frozen=True)
 class Verbosity:
-    """quiet: errors alone. verbose: details, too. as_json: standard output is for the document alone."""
+    """The user's choice of output.
+
+    quiet: only errors. verbose: details, too. as_json: standard output holds only the JSON document. Raises
+    UsageError if both quiet and verbose are set.
+    """
 
     quiet: bool = False
     verbose: bool = False
@@ -37,35 +41,36 @@ _begin_s = time.monotonic()
 
 
 def is_quiet() -> bool:
+    """Whether the command prints only errors."""
     return _current.quiet
 
 
 def is_for_people() -> bool:
-    """Whether standard output takes text for people."""
+    """Whether standard output is to hold text for people."""
     return not (_current.quiet or _current.as_json)
 
 
-def say(text: object) -> None:
-    """A part of the result that is known before the rest, such as a cell of a sweep."""
+def print_result(text: object) -> None:
+    """Print a part of the result that is known before the rest, such as a cell of a sweep."""
     if not _current.quiet:
         print(text, file=sys.stderr if _current.as_json else sys.stdout, flush=True)
 
 
 def notice(text: object) -> None:
-    """What the user should know of, though it is no error."""
+    """Print one line that the user should read although it is not an error."""
     if not _current.quiet:
         print(one_line(text), file=sys.stderr, flush=True)
 
 
 def detail(text: object) -> None:
-    """What only --verbose shows, after the seconds since the command began."""
+    """Print one line that only --verbose shows, with the seconds since the command began."""
     if _current.verbose:
         print(f"[{time.monotonic() - _begin_s:6.1f} s] {one_line(text)}", file=sys.stderr, flush=True)
 
 
 @contextmanager
 def phase(name: str) -> Iterator[None]:
-    """Tells, with --verbose, how long the block took."""
+    """Print, with --verbose, how long the block took."""
     begin_s = time.monotonic()
     yield
     detail(f"{name}: {time.monotonic() - begin_s:.2f} s")
@@ -73,7 +78,7 @@ def phase(name: str) -> Iterator[None]:
 
 @contextmanager
 def use_verbosity(verbosity: Verbosity) -> Iterator[None]:
-    """Within the block, this verbosity applies. Libraries' warnings are details."""
+    """Apply a verbosity within the block. Warnings of libraries are treated as details."""
     global _current, _begin_s
     before, _current, _begin_s = (_current, _begin_s), verbosity, time.monotonic()
     try:
@@ -85,7 +90,7 @@ def use_verbosity(verbosity: Verbosity) -> Iterator[None]:
 
 
 def silence_warnings() -> None:
-    """Libraries' warnings, meant for programmers, are details, unless Python's -W option configures them."""
+    """Treat warnings of libraries as details, unless Python's -W option configures them."""
     if sys.warnoptions:
         return
     if _current.verbose:

@@ -1,4 +1,4 @@
-"""Versions of installed packages, for the provenance of what is made with them."""
+"""Versions of installed packages, for provenance."""
 
 from __future__ import annotations
 

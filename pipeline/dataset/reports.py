@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from advpipe.pipeline.core.document import Count, Document, Number, Word, read_json, read_text, validated
+from advpipe.pipeline.core.document import Count, Document, Number, ShortText, read_json, read_text, validated
 from advpipe.pipeline.results.deprecated import with_new_keys
 
 LIMIT_BYTES = 1 << 24
@@ -21,18 +21,18 @@ _Warning = Annotated[str, Field(max_length=2000)]
 
 class _Clean(Document):
     bag: _FileName
-    sha256: Word
+    sha256: ShortText
 
 
 class _Compared(Document):
     """sha256: None of a random baseline, which is in no bag."""
 
     bag: _FileName
-    sha256: Word | None
+    sha256: ShortText | None
 
 
 class _Detector(Document):
-    sha256: Word
+    sha256: ShortText
 
 
 class ReportOrigin(Document):
@@ -41,8 +41,8 @@ class ReportOrigin(Document):
     clean: _Clean
     compared: Annotated[tuple[_Compared, ...], Field(max_length=_MOST_RECORDS)]
     detectors: Annotated[tuple[_Detector, ...], Field(max_length=1000)] = ()
-    device: Word = "cpu"
-    code_sha256: Word = ""
+    device: ShortText = "cpu"
+    code_sha256: ShortText = ""
 
 
 class DetectionRow(Document):
@@ -65,7 +65,7 @@ class LocalisationRow(Document):
     """An attack's effect on one vehicle's localisation."""
 
     bag: _FileName | None = None
-    vehicle: Word = ""
+    vehicle: ShortText = ""
     clean_mean_m: Number | None = None
     adv_mean_m: Number | None = None
     detection_rate: Number | None = None
@@ -75,7 +75,7 @@ class V2xRow(Document):
     """What one receiver made of an attack's messages."""
 
     bag: _FileName | None = None
-    vehicle: Word = ""
+    vehicle: ShortText = ""
     messages: Number | None = None
     false_messages: Number | None = None
     f1: Number | None = None
@@ -106,7 +106,7 @@ class ReportDocument(Document):
 class _SweepOrigin(Document):
     """The settings of one recipe's cells."""
 
-    clean_sha256: Word
+    clean_sha256: ShortText
 
 
 class _SweepCell(Document):

@@ -1,4 +1,4 @@
-"""What a defence is: it changes each cloud before detection, and maps the detected boxes back."""
+"""The interface of defences: a defence changes each cloud before detection, and maps detected boxes back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placement:
-    """How a defence transforms the scene: p -> scale * p, optionally mirrored in y, + offset.
+    """A defence's transform of the scene: p -> scale * p (with y negated if mirrored) + offset.
 
     offset_m: (3,) float64.
     """
@@ -53,10 +53,17 @@ class DefendedCloud:
 
 
 class Defence(Protocol):
-    """A defence on clouds. Its constructor takes the parameters, keyword-only, and checks them."""
+    """A defence on clouds. Its constructor takes the parameters, keyword-only, and checks them.
+
+    Each parameter is a number and has a default. One of your own is named `module:Class` or, with parameters,
+    `module:Class:radius_m=2`.
+    """
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
-        """The cloud (N,) for the detector; the input is not modified."""
+        """The cloud (N,) for the detector; the input is not modified.
+
+        Random numbers come from `rng` alone, which is the same for the clean and the adversarial cloud.
+        """
 
 
 def with_xyz(cloud: Cloud, points: npt.NDArray[np.floating]) -> Cloud:

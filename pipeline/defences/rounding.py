@@ -1,4 +1,4 @@
-"""Defences that blur the positions of points: by quantisation or by noise."""
+"""Defences that perturb the positions of points by quantisation or by noise."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Jitter:
 
 
 def positive(defence: str, name: str, value: float) -> float:
-    """Check that a parameter's value is finite and above 0, and return it."""
+    """Check that a parameter's value is finite and above 0, and return it. Raises UsageError otherwise."""
     if not 0 < value < math.inf:
         raise UsageError(f"defence {defence}: {name} is {value:g}, but must be finite and above 0")
     return value

@@ -31,9 +31,9 @@ from advpipe.pipeline.messages.cloud import xyzi
 
 T = TypeVar("T")
 
-REQUEST_KINDS = ("occupancy_loss", "loss", "detect")
-"""The kinds of requests. Where several kinds wait, the most frequent one is computed, and the others keep
-waiting: tasks that fell out of step are soon in step again."""
+REQUEST_TYPES = ("occupancy_loss", "loss", "detect")
+"""The types of requests. If requests of several types wait, the most frequent type is computed, and the
+others keep waiting: tasks that are out of step are soon in step again."""
 
 
 def run_batched(detector: BatchDetector, tasks: Sequence[Callable[[ObjectDetector], T]]) -> list[T]:
@@ -56,7 +56,7 @@ class _Request:
     """given: a LossInput, or for "detect" the cloud (N, 4). wants_gradient: with respect to points and
     occupancy."""
 
-    kind: str
+    request_type: str
     given: Any
     wants_gradient: bool = False
 
@@ -117,10 +117,12 @@ class _BatchScheduler:
                     raise end.error
             if not waiting:
                 return
-            requested = [request.kind for request in waiting.values()]
-            kind = max(REQUEST_KINDS, key=requested.count)
-            numbers = sorted(number for number, request in waiting.items() if request.kind == kind)
-            responses = _responses(self._detector, kind, [waiting.pop(number) for number in numbers])
+            requested = [request.request_type for request in waiting.values()]
+            request_type = max(REQUEST_TYPES, key=requested.count)
+            numbers = sorted(
+                number for number, request in waiting.items() if request.request_type == request_type
+            )
+            responses = _responses(self._detector, request_type, [waiting.pop(number) for number in numbers])
             for number, response in zip(numbers, responses, strict=True):
                 self._outboxes[number].put(response)
 
@@ -180,33 +182,35 @@ class _BatchingProxy:
         occupancy.requires_grad_()
         return _differentiable(response, points, occupancy), occupancy, rows
 
-    def _request(self, kind: str, given: LossInput, *, needed: bool) -> _Response:
+    def _request(self, request_type: str, given: LossInput, *, needed: bool) -> _Response:
         points = given.points.detach().requires_grad_(given.points.requires_grad)
-        request = _Request(kind, replace(given, points=points), needed and torch.is_grad_enabled())
+        request = _Request(request_type, replace(given, points=points), needed and torch.is_grad_enabled())
         response: _Response = self._put(self._number, request)
         return response
 
 
-def _responses(detector: BatchDetector, kind: str, requests: Sequence[_Request]) -> list[Any]:
-    """The responses to requests of one kind; an error in place of a failed one."""
+def _responses(detector: BatchDetector, request_type: str, requests: Sequence[_Request]) -> list[Any]:
+    """The responses to requests of one type; an error in place of a failed one."""
     try:
-        if kind == "detect":
+        if request_type == "detect":
             return list(detector.detect_batch([request.given for request in requests]))
-        return _loss_responses(detector, kind, requests)
+        return _loss_responses(detector, request_type, requests)
     except Exception as error:
         if len(requests) == 1:
             return [error]
     # Only here has the memory of the failed batch been released; it may have been too much.
-    return [response for request in requests for response in _responses(detector, kind, [request])]
+    return [response for request in requests for response in _responses(detector, request_type, [request])]
 
 
-def _loss_responses(detector: BatchDetector, kind: str, requests: Sequence[_Request]) -> list[_Response]:
+def _loss_responses(
+    detector: BatchDetector, request_type: str, requests: Sequence[_Request]
+) -> list[_Response]:
     """One forward pass for all requests, and one backward pass if any wants a gradient."""
     inputs: list[LossInput] = [request.given for request in requests]
     wanted = [request.wants_gradient for request in requests]
     with torch.set_grad_enabled(any(wanted)):
         found: list[tuple[Tensor, ...]]
-        if kind == "loss":
+        if request_type == "loss":
             found = [(loss,) for loss in detector.loss_batch(inputs)]
         else:
             found = list(detector.occupancy_loss_batch(inputs))

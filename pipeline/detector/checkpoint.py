@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from advpipe.pipeline.core.atomic_file import write_atomically
-from advpipe.pipeline.core.document import Document, Text, Word, read_json
+from advpipe.pipeline.core.document import Document, ShortText, Text, read_json
 from advpipe.pipeline.core.errors import OutputExistsError, UsageError, as_usage_error
 from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.detector.common.network import DetectionNetwork
@@ -38,10 +38,10 @@ class _Metadata(Document):
     """
 
     kind: Literal["advpipe-detector-1", "advpipe-second-1"]
-    family: Word = "second"
-    preset: Word
-    classes: Annotated[tuple[Word, ...], Field(max_length=100)]
-    provenance: dict[Word, Text]
+    family: ShortText = "second"
+    preset: ShortText
+    classes: Annotated[tuple[ShortText, ...], Field(max_length=100)]
+    provenance: dict[ShortText, Text]
 
 
 @dataclass(frozen=True)

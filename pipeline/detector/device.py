@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CPU = "cpu"
 
 FRAMES_AT_ONCE = {"cpu": 1, "cuda": 8}
-"""How many frames an attack on clouds processes as one batch, by kind of device."""
+"""How many frames an attack on clouds processes as one batch, by type of device."""
 
 _KNOWN = re.compile(r"cpu|cuda(?::([0-9]{1,4}))?")
 
@@ -55,7 +55,7 @@ def open_device(name: str) -> torch.device:
 
 def frames_at_once(name: str) -> int:
     """The number of frames in a batch on a device; it affects the last bits of results."""
-    return FRAMES_AT_ONCE[_kind(name)]
+    return FRAMES_AT_ONCE[_device_type(name)]
 
 
 def device_record(name: str) -> dict[str, str]:
@@ -63,8 +63,8 @@ def device_record(name: str) -> dict[str, str]:
 
     The index of a GPU is not recorded.
     """
-    return {} if name == CPU else {"device": _kind(name)}
+    return {} if name == CPU else {"device": _device_type(name)}
 
 
-def _kind(name: str) -> str:
+def _device_type(name: str) -> str:
     return name.partition(":")[0]

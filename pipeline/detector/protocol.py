@@ -59,14 +59,14 @@ class ObjectDetector(Protocol):
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The classes it can find, each one of `geometry.boxes.CLASSES`."""
+        """The classes that it detects, each one of `geometry.boxes.CLASSES`."""
 
     @property
     def range_m(self) -> Range:
         """The space that it covers."""
 
     def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        """The objects in a cloud (N,), a structured array of `bag.cloud.POINT_DTYPE`."""
+        """The objects in a cloud (N,), a structured array of `messages.cloud.POINT_DTYPE`."""
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
         """The training loss, a scalar that can be differentiated with respect to the points.
@@ -148,9 +148,9 @@ class LossInput:
 class BatchDetector(VoxelDetector, Protocol):
     """A detector that computes several clouds in one pass, with the same results up to rounding.
 
-    Each `_batch` method returns for each cloud what the method without the suffix returns for one. The
-    losses of a batch may share a graph, so they are differentiated together. An invalid input, such
-    as points that are not finite, may fail the whole batch; its inputs are then computed one by one.
+    Each `_batch` method returns for each cloud (N_i, 4) what the method without the suffix returns for one.
+    The losses of a batch may share a graph, so they are differentiated together. An invalid input, such as
+    points that are not finite, may fail the whole batch; its inputs are then computed one by one.
     """
 
     def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:

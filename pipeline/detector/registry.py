@@ -26,7 +26,8 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
 
     device: where it computes, see `open_device`; clouds and tensors are passed to it on the CPU
     in any case. A class is called without arguments, or with `device` (a torch.device) if its constructor
-    has that parameter; it has to implement `ObjectDetector`.
+    has that parameter; it has to implement `ObjectDetector`. Raises UsageError for an unknown name, a file
+    that is not a checkpoint, a class that is not a detector, and an unknown device.
     """
     from advpipe.pipeline.detector.checkpoint import load_checkpoint
 
@@ -49,7 +50,7 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
 def detector_sha256(name_or_path: str) -> str:
     """The identity of a detector: SHA-256 of its checkpoint, or of the source file of its class.
 
-    "" for a class without a source file.
+    "" for a class without a source file. Raises UsageError for a class that cannot be imported.
     """
     file: Path | None = shipped_checkpoints().get(name_or_path, Path(name_or_path))
     if file is not None and not file.is_file():

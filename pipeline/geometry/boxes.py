@@ -1,4 +1,4 @@
-"""Upright 3D boxes: the columns, the classes, and which points lie inside."""
+"""Upright 3D boxes: their columns and classes, and the points inside them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64, transform_points, wrap_angle, yaw_of
 
 CLASSES = ("car", "truck", "cyclist", "pedestrian")
-"""Class names in the order of their label; `truck` holds vans and buses, `cyclist` motorcycles."""
+"""Class names in the order of labels; `truck` includes vans and buses, `cyclist` includes motorcycles."""
 
 BOX_COLUMNS = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
-"""Columns of a box array (M, 7); x, y, z is the centre, yaw is counted from +x to +y."""
+"""Columns of a box array (M, 7); x, y, z is the centre, and yaw is positive from +x towards +y."""
 
 MIN_POINTS = 5
-"""An object with fewer points in the clean cloud is not learned from, attacked nor evaluated."""
+"""An object with fewer points in the clean cloud is not used for training, attacked or evaluated."""
 
 
 def no_boxes() -> Float64:
+    """An empty box array (0, 7), float64."""
     return np.zeros((0, len(BOX_COLUMNS)))
 
 
@@ -31,7 +32,7 @@ class Boxes:
     geometry: (M, 7) float64, columns `BOX_COLUMNS`.
     labels: (M,) int64, index into `CLASSES`.
     ids: (M,) names, stable over the drive; "" where unknown.
-    velocity_mps: (M, 3) float64 in the boxes' own frame of reference; NaN where unknown.
+    velocity_mps: (M, 3) float64, in the same frame of reference as the boxes; NaN where unknown.
     """
 
     geometry: Float64 = field(default_factory=no_boxes)
@@ -53,7 +54,10 @@ class Boxes:
         )
 
     def transformed(self, a_SE3_b: Float64) -> Boxes:
-        """These boxes of frame b in frame a; roll and pitch between the frames tilt no box."""
+        """Transform these boxes from frame b to frame a; boxes stay upright if the frames are tilted.
+
+        a_SE3_b: (4, 4) homogeneous matrix.
+        """
         geometry = self.geometry.copy()
         geometry[:, :3] = transform_points(a_SE3_b, geometry[:, :3])
         geometry[:, 6] = wrap_angle(geometry[:, 6] + yaw_of(a_SE3_b))
@@ -61,11 +65,11 @@ class Boxes:
 
 
 SLACK_M = 0.01
-"""Coordinates in single precision may be a little off when cells are looked up."""
+"""Tolerance for the rounding of single-precision coordinates when cells are looked up."""
 
 
 def box_corners(boxes: npt.ArrayLike) -> Float64:
-    """Corners (M, 8, 3) of boxes (M, 7): bottom face anticlockwise from front left, then top."""
+    """Corners (M, 8, 3) of boxes (M, 7): the bottom face anticlockwise from front left, then the top."""
     boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7)
     signs = np.array(
         [[x, y, z] for z in (-0.5, 0.5) for x, y in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))]
@@ -79,9 +83,9 @@ def box_corners(boxes: npt.ArrayLike) -> Float64:
 def points_in_boxes(
     points: npt.ArrayLike, boxes: npt.ArrayLike, margin_m: float = 0.0
 ) -> list[npt.NDArray[np.int64]]:
-    """For each of the boxes (M, 7), the indices of the points (N, 3) inside it, grown by a margin.
+    """For each of the boxes (M, 7), the sorted indices of the points (N, 3 or more) inside it.
 
-    A point on a face is inside.
+    margin_m: enlarges each box on every side. A point on a face is inside.
     """
     boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7)
     radii = np.hypot(boxes[:, 3], boxes[:, 4]) / 2 + margin_m * np.sqrt(2) + 1e-9
@@ -107,30 +111,30 @@ def points_in_boxes(
 def _near_any(
     points: npt.NDArray[np.floating[Any]], centres: Float64, radii: Float64
 ) -> npt.NDArray[np.int64]:
-    """Indices of the points (N, 2 or more) in a cell of the plane that any of the circles (M) touches.
+    """Indices of the points (N, 2 or more) in a cell of the x-y grid that any of M circles touches.
 
-    Most of a cloud is near no box: a look into a table sorts that out at a few nanoseconds a point.
+    Most points of a cloud are near no box; a lookup in this grid rejects them in a few nanoseconds each.
     """
-    sane = np.isfinite(centres).all(axis=1) & np.isfinite(radii)
-    if not sane.any():
+    finite = np.isfinite(centres).all(axis=1) & np.isfinite(radii)
+    if not finite.any():
         return np.zeros(0, np.int64)
     radii = radii + SLACK_M
-    low = (centres - radii[:, None])[sane].min(axis=0)
-    span = (centres + radii[:, None])[sane].max(axis=0) - low
-    cell = max(1.0, float(span.max()) / 1000)  # a small table even where boxes lie far apart
+    low = (centres - radii[:, None])[finite].min(axis=0)
+    span = (centres + radii[:, None])[finite].max(axis=0) - low
+    cell = max(1.0, float(span.max()) / 1000)  # a small grid even if boxes are far apart
     touched = np.zeros(np.floor(span / cell).astype(np.int64) + 3, dtype=bool)
-    first = np.floor((centres[sane] - radii[sane, None] - low) / cell).astype(np.int64)
-    last = np.floor((centres[sane] + radii[sane, None] - low) / cell).astype(np.int64)
+    first = np.floor((centres[finite] - radii[finite, None] - low) / cell).astype(np.int64)
+    last = np.floor((centres[finite] + radii[finite, None] - low) / cell).astype(np.int64)
     for (i, j), (k, m) in zip(first.tolist(), last.tolist(), strict=True):
-        touched[i + 1 : k + 2, j + 1 : m + 2] = True  # the rim of the table stays untouched
+        touched[i + 1 : k + 2, j + 1 : m + 2] = True  # the cells at the rim stay untouched
     cells = []
     for axis in range(2):
-        with np.errstate(invalid="ignore"):  # what is not finite lands on the rim
+        with np.errstate(invalid="ignore"):  # points that are not finite fall on the rim
             cell_of = ((points[:, axis] - low[axis]) * (1 / cell) + 1).astype(np.int32)
         cells.append(np.clip(cell_of, 0, touched.shape[axis] - 1))
     return np.flatnonzero(touched[cells[0], cells[1]])
 
 
 def count_points(points: npt.ArrayLike, boxes: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """How many of the points (N, 3) each of the boxes (M, 7) holds: (M,)."""
+    """The number (M,) of points (N, 3) in each of the boxes (M, 7)."""
     return np.array([len(indices) for indices in points_in_boxes(points, boxes)], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Overlap of rotated upright boxes: bird's-eye and 3D intersection over union, vectorised over pairs."""
+"""Intersection over union (IoU) of rotated upright boxes in bird's-eye view and 3D, vectorised over pairs."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _CHUNK = 20_000
 
 
 def iou_bev(a: npt.ArrayLike, b: npt.ArrayLike) -> Float64:
-    """Bird's-eye IoU (M, K) of boxes a (M, 7) and b (K, 7), columns `geometry.boxes.BOX_COLUMNS`."""
+    """Bird's-eye IoU (M, K) float64 of boxes a (M, 7) and b (K, 7), columns `geometry.boxes.BOX_COLUMNS`."""
     return _iou(a, b, heights=False)
 
 
 def iou_3d(a: npt.ArrayLike, b: npt.ArrayLike) -> Float64:
-    """Volume IoU (M, K) of boxes a (M, 7) and b (K, 7), columns `geometry.boxes.BOX_COLUMNS`."""
+    """Volume IoU (M, K), float64, of boxes a (M, 7) and b (K, 7), columns `geometry.boxes.BOX_COLUMNS`."""
     return _iou(a, b, heights=True)
 
 
@@ -42,7 +42,7 @@ def _iou(a: npt.ArrayLike, b: npt.ArrayLike, heights: bool) -> Float64:
 
 
 def _near_pairs(a: Float64, b: Float64) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Pairs whose circumscribed circles meet: only they can overlap."""
+    """Indices of the pairs whose circumscribed circles overlap; other boxes cannot overlap."""
     reach = np.hypot(a[:, 3], a[:, 4])[:, None] / 2 + np.hypot(b[:, 3], b[:, 4])[None] / 2
     dx, dy = a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1]
     i, j = np.nonzero(dx * dx + dy * dy <= reach * reach)
@@ -50,12 +50,12 @@ def _near_pairs(a: Float64, b: Float64) -> tuple[npt.NDArray[np.int64], npt.NDAr
 
 
 def intersection_area(a: Float64, b: Float64) -> Float64:
-    """Bird's-eye area (P,) that box a[p] shares with box b[p], for boxes (P, 7) each.
+    """Bird's-eye intersection area (P,) in m² of box a[p] with box b[p], for boxes (P, 7) each.
 
-    The intersection of two rectangles is the convex hull of the corners of each inside the other and
-    the crossings of their edges: at most 24 candidates, sorted around their centre.
+    The intersection of two rectangles is the convex hull of the corners of each rectangle that lie inside the
+    other and of the crossings of their edges: at most 24 candidates, sorted around their centre.
     """
-    # Work around box a's centre, so that large coordinates cost no precision.
+    # Compute relative to box a's centre, so that large coordinates do not reduce precision.
     corners_a = _corners(np.zeros((len(a), 2)), a)
     corners_b = _corners(b[:, :2] - a[:, :2], b)
     edges_a = np.roll(corners_a, -1, axis=1) - corners_a
@@ -83,7 +83,7 @@ def intersection_area(a: Float64, b: Float64) -> Float64:
     around = candidates - centre[:, None]
     angle = np.where(valid, np.arctan2(around[..., 1], around[..., 0]), np.inf)
     order = np.argsort(angle, axis=1, kind="stable")
-    # Candidates that do not count repeat the first vertex: they add no area.
+    # Invalid candidates are replaced by the first vertex, which adds no area.
     order = np.where(np.arange(order.shape[1]) < count[:, None], order, order[:, :1])
     polygon = np.take_along_axis(around, order[..., None], axis=1)
     area = 0.5 * np.abs(_cross(polygon, np.roll(polygon, -1, axis=1)).sum(1))
@@ -103,7 +103,7 @@ def _corners(centres: Float64, boxes: Float64) -> Float64:
 
 
 def _inside(points: Float64, centres: Float64, boxes: Float64) -> npt.NDArray[np.bool_]:
-    """Which points (P, 4, 2) lie in their box (P, 7) placed at `centres` (P, 2); faces count."""
+    """Which points (P, 4, 2) lie inside or on the edge of their box (P, 7) placed at `centres` (P, 2)."""
     d = points - centres[:, None]
     c, s = np.cos(boxes[:, 6, None]), np.sin(boxes[:, 6, None])
     along, across = d[..., 0] * c + d[..., 1] * s, d[..., 1] * c - d[..., 0] * s

@@ -12,7 +12,7 @@ Float64 = npt.NDArray[np.float64]
 
 
 def se3(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
-    """The transform with a (3, 3) rotation and a (3,) translation."""
+    """The transform (4, 4) with a rotation (3, 3) and a translation (3,) in metres."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
     matrix[:3, 3] = translation_m
@@ -20,7 +20,7 @@ def se3(rotation: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
 
 
 def se3_from_yaw(translation_m: Sequence[float] | Float64, yaw_rad: float, pitch_rad: float = 0.0) -> Float64:
-    """The pose at `translation_m` that looks along `yaw_rad`; positive pitch looks down (REP-103)."""
+    """The pose (4, 4) at `translation_m` (3,) with a yaw and a pitch; a positive pitch is down (REP-103)."""
     cy, sy, cp, sp = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
     x_m, y_m, z_m = translation_m
     return np.array(
@@ -34,31 +34,31 @@ def se3_from_yaw(translation_m: Sequence[float] | Float64, yaw_rad: float, pitch
 
 
 def invert(a_SE3_b: Float64) -> Float64:
-    """`b_SE3_a`."""
+    """The inverse transform `b_SE3_a` (4, 4)."""
     rotation = a_SE3_b[:3, :3].T
     return se3(rotation, -rotation @ a_SE3_b[:3, 3])
 
 
 def transform_points(a_SE3_b: Float64, points_b: npt.ArrayLike) -> Float64:
-    """Points (..., 3) of frame b, in frame a."""
+    """Transform points (..., 3) from frame b to frame a, as float64."""
     return np.asarray(points_b, dtype=np.float64) @ a_SE3_b[:3, :3].T + a_SE3_b[:3, 3]
 
 
 def yaw_of(a_SE3_b: Float64) -> float:
-    """The heading of frame b's x axis in frame a's x-y plane, in (-pi, pi]."""
+    """The heading in radians, in (-pi, pi], of frame b's x axis in the x-y plane of frame a."""
     return float(np.arctan2(a_SE3_b[1, 0], a_SE3_b[0, 0]))
 
 
 def wrap_angle(angle_rad: npt.ArrayLike) -> Float64:
-    """The same angle in [-pi, pi)."""
+    """The equivalent angle in [-pi, pi), for an angle or an array of any shape."""
     return (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi
 
 
 def quaternion_xyzw(a_SE3_b: Float64) -> Float64:
     """The rotation as a unit quaternion (4,) in ROS order x, y, z, w, with w >= 0.
 
-    From the largest of its parts on, so that nothing small is divided by (Shepperd, J. Guidance and
-    Control 1(3), 1978). Some hundred a frame are asked for: plain numbers are the fastest.
+    It starts from the largest component to avoid a division by a small number (Shepperd, J. Guidance and
+    Control 1(3), 1978). Python floats are used since they are faster than numpy for one matrix.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = a_SE3_b[:3, :3].tolist()
     trace = xx + yy + zz
@@ -76,12 +76,18 @@ def quaternion_xyzw(a_SE3_b: Float64) -> Float64:
 
 
 def se3_from_quaternion(xyzw: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:
-    """The transform with a rotation given as a quaternion in ROS order x, y, z, w."""
+    """The transform (4, 4) with a quaternion (4,) in ROS order x, y, z, w and a translation (3,) in metres.
+
+    Raises ValueError for a quaternion of length zero.
+    """
     return se3(rotations_from_quaternions(xyzw), translation_m)
 
 
 def rotations_from_quaternions(xyzw: npt.ArrayLike) -> Float64:
-    """The matrices (..., 3, 3) of one quaternion (4,) in ROS order x, y, z, w, or of many (N, 4)."""
+    """The rotation matrices (3, 3) or (N, 3, 3) of a quaternion (4,) or (N, 4) in ROS order x, y, z, w.
+
+    Raises ValueError for a quaternion of length zero.
+    """
     from scipy.spatial.transform import Rotation
 
     matrices: Float64 = Rotation.from_quat(np.asarray(xyzw, dtype=np.float64)).as_matrix()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.core.bounded_parquet import Kind, flat_columns, rows
+from advpipe.pipeline.core.bounded_parquet import ColumnType, flat_columns, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.columns import Columns, Type
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS
@@ -53,7 +53,7 @@ that it claims to be from had said itself by then; null for a station that does 
 NEWER_COLUMNS = ("part", "fields")
 """Columns that older versions left out, or wrote as lists."""
 
-_READ: dict[str, Kind] = {
+_READ: dict[str, ColumnType] = {
     **dict.fromkeys(("number", "time_ns", "station_id"), "whole"),
     **dict.fromkeys(("attack", "attacker", "action", "part"), "text"),
     "mattered": "truth",
@@ -62,7 +62,7 @@ _READ: dict[str, Kind] = {
 
 @dataclass(frozen=True, slots=True)
 class MessageLabel:
-    """A message that an attack changed: the attacker, the attack, what was done, and whether it mattered."""
+    """A message that an attack changed: the attacker, the attack, the action, and whether it mattered."""
 
     number: int
     attack: str
@@ -94,7 +94,7 @@ class MessageLabel:
 
 
 def read_labels(bag: Path) -> list[MessageLabel]:
-    """The labels of an adversarial bag, in their order; none for a bag without attacks on messages.
+    """The labels of an adversarial bag in their order; empty for a bag without attacks on messages.
 
     bag: its folder, or the file in it. Raises AdvpipeError for a file that holds no labels.
     """
@@ -119,7 +119,7 @@ def _label(row: dict[str, Any]) -> MessageLabel:
 
 
 def has_labels(bag: Path) -> bool:
-    """Whether messages of a bag were attacked, if only in vain."""
+    """Whether attacks on messages made the bag, even if they changed none."""
     return _path(bag).exists()
 
 

@@ -1,4 +1,4 @@
-"""Calls that run one after the other in a thread of their own, while the caller goes on."""
+"""Runs calls one after another in a background thread while the caller continues."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 
 class Background:
-    """Runs calls in their order; what one of them raises is raised by the caller's next `call` or `finish`.
+    """A thread that runs calls in order. An exception in one is raised by the next `call` or `finish`.
 
-    waiting: calls that may lie in wait; one more, and the caller waits itself, which bounds the memory.
+    waiting: the number of calls that may be queued. With more, `call` blocks, which bounds the memory.
     """
 
     def __init__(self, waiting: int) -> None:
@@ -19,16 +19,17 @@ class Background:
         self._calls: deque[Future[None]] = deque()
 
     def call(self, work: Callable[..., None], *arguments: object) -> None:
+        """Queue a call; wait first if the queue is full. Raises the exception of an earlier call."""
         while self._calls and (len(self._calls) > self._waiting or self._calls[0].done()):
             self._calls.popleft().result()
         self._calls.append(self._pool.submit(work, *arguments))
 
     def finish(self) -> None:
-        """Waits until all is done."""
+        """Wait until all calls are done. Raises the exception of the first call that failed."""
         while self._calls:
             self._calls.popleft().result()
         self._pool.shutdown()
 
     def abort(self) -> None:
-        """Drops the waiting calls, and waits for the running one."""
+        """Drop the queued calls and wait for the running one."""
         self._pool.shutdown(cancel_futures=True)

@@ -13,9 +13,9 @@ from advpipe.pipeline.mcap.qos import keep_last
 class Topic:
     """One channel of a bag.
 
-    qos: the profiles offered by its publishers; rosbag2 republishes with them.
-    type_hash: RIHS01 hash of the type where another tool's bag states it; "" for a type of ours
-    (`pipeline/messages/types.py`).
+    type: the name of the message type. qos: the profiles that its publishers offer, which rosbag2 uses when
+    it plays the bag. type_hash: RIHS01 hash of the type if another tool's bag states it; "" for a type that
+    advpipe defines (`pipeline/messages/types.py`).
     """
 
     name: str
@@ -30,7 +30,7 @@ StampedCdr = tuple[Topic, bytes, int]
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """What a bag says about one of its topics."""
+    """A bag's information on one of its topics: message type, QoS profiles and number of messages."""
 
     type: str
     qos: tuple[Qos, ...]
@@ -39,7 +39,7 @@ class TopicInfo:
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One message as it is stored in a bag: `cdr` is its serialised body, `schema` its type's definition."""
+    """One message as stored in a bag: `cdr` is its serialised body, `schema` the definition of its type."""
 
     topic: Topic
     schema: str

@@ -1,4 +1,4 @@
-"""Validate every checksum of an MCAP file, and say how much of it they cover."""
+"""Validates every checksum of an MCAP file and states how much of it they cover."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from advpipe.pipeline.mcap.unpacking import UnpackBudget
 
 @dataclass(frozen=True)
 class ChecksumCoverage:
-    """How much of some files is covered by checksums, all of which are right."""
+    """How much of one or several files is covered by checksums, all of which are valid."""
 
     chunks: int = 0
     chunks_covered: int = 0
@@ -45,7 +45,10 @@ class ChecksumCoverage:
 
 
 def validate_checksums(path: Path) -> ChecksumCoverage:
-    """Read a whole .mcap file; a wrong checksum raises AdvpipeError. (McapFile checks the summary's.)"""
+    """Read a whole .mcap file and validate its checksums, except the summary's, which McapFile validates.
+
+    Raises AdvpipeError for a wrong checksum and for a damaged file.
+    """
     chunks = covered = data_sections = summaries = 0
     magic_bytes = len(MCAP0_MAGIC)
     with mcap_errors(path), path.open("rb") as stream:

@@ -1,4 +1,4 @@
-"""The quality of service that a topic's publishers offer, as rosbag2 keeps it in a channel's metadata."""
+"""The quality of service (QoS) that a topic's publishers offer, as rosbag2 stores it in channel metadata."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
 from advpipe.pipeline.core import plain_yaml
-from advpipe.pipeline.core.document import Count, Document, Word
+from advpipe.pipeline.core.document import Count, Document, ShortText
 from advpipe.pipeline.core.errors import one_line
 
 _FOREVER = QosTime(9223372036, 854775807)
 
 
 def keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> tuple[Qos, ...]:
-    """The newest `depth` messages of each topic are kept for readers that are slow."""
+    """The QoS profile that keeps the newest `depth` messages of a topic for slow subscribers.
+
+    reliable: lost messages are sent again. latched: late subscribers receive the last messages.
+    """
     return (
         Qos(
             history=QosHistory.KEEP_LAST,
@@ -40,15 +43,15 @@ class _Time(Document):
 
 
 class _Profile(Document):
-    """As rosbag2 writes one; enumerations by number or name."""
+    """A profile as rosbag2 writes it, with enumerations as numbers or names."""
 
-    history: Count | Word
+    history: Count | ShortText
     depth: Count
-    reliability: Count | Word
-    durability: Count | Word
+    reliability: Count | ShortText
+    durability: Count | ShortText
     deadline: _Time
     lifespan: _Time
-    liveliness: Count | Word
+    liveliness: Count | ShortText
     liveliness_lease_duration: _Time
     avoid_ros_namespace_conventions: bool
 
@@ -57,7 +60,7 @@ _PROFILES = TypeAdapter(Annotated[list[_Profile], Field(max_length=1000)] | None
 
 
 def qos_to_yaml(profiles: tuple[Qos, ...]) -> str:
-    """The profiles on one line, enumerations as numbers: what every rosbag2 since Foxy reads."""
+    """The profiles as one line of YAML with enumerations as numbers, which every rosbag2 since Foxy reads."""
     plain = [
         {
             "history": qos.history.value,
@@ -76,9 +79,9 @@ def qos_to_yaml(profiles: tuple[Qos, ...]) -> str:
 
 
 def qos_from_yaml(text: str) -> tuple[Qos, ...]:
-    """The profiles in a channel's metadata, with numbers (to Iron) or names (from Jazzy).
+    """Parse the profiles in channel metadata; enumerations are numbers (up to Iron) or names (from Jazzy).
 
-    Raises ValueError for a text that is none.
+    Raises ValueError for an invalid text.
     """
     try:
         profiles = _PROFILES.validate_python(plain_yaml.load_yaml(text)) or ()

@@ -1,4 +1,4 @@
-"""One .mcap file: checked when opened, its errors said in one line."""
+"""Reads one .mcap file: it is checked when opened, and its errors are one line."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offs
 _BLOCK_BYTES = 1 << 20
 
 WAITING_LIMIT_BYTES = 1 << 30
-"""The most that messages may hold which wait because chunks overlap in time."""
+"""Most bytes of messages that are held back because chunks overlap in time."""
 
 _qos = lru_cache(256)(qos_from_yaml)
 _TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}", re.ASCII)
 SCHEMA_LIMIT_BYTES = 1 << 18
-"""The longest definition of a type that is read: that of a CAM has 28 kB."""
+"""The longest definition of a type that is read; the definition of the CAM has 28 kB."""
 
 LONGEST_TOPIC = 255
-"""As ROS 2's middleware has it."""
+"""The limit of ROS 2's middleware."""
 
 _SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
 DAMAGE = (
     McapError,
     zstandard.ZstdError,
     struct.error,
-    ValueError,  # also failed checksums and bytes that are no UTF-8
+    ValueError,  # also failed checksums and invalid UTF-8
     LookupError,
     EOFError,
     RuntimeError,
@@ -63,12 +63,12 @@ DAMAGE = (
     OverflowError,
     StopIteration,
 )
-"""What the libraries raise on bytes that are not what was written."""
+"""The exceptions that the libraries raise on damaged bytes."""
 
 
 @contextmanager
 def mcap_errors(path: Path) -> Iterator[None]:
-    """Turn what damaged bytes and failing disks raise into one line."""
+    """Raise AdvpipeError, one line, for the exceptions of damaged bytes and failing disks in the block."""
     try:
         yield
     except OSError as error:
@@ -83,8 +83,8 @@ class McapFile:
 
     topics: by channel id. counts: messages by topic name. metadata: records by name.
 
-    Chunk and summary checksums are validated where the file has them. Raises AdvpipeError for anything
-    that is no whole MCAP file of CDR messages.
+    Chunk and summary checksums are validated where the file has them. Raises AdvpipeError for a file that is
+    not a complete MCAP file of CDR messages.
     """
 
     def __init__(self, path: Path) -> None:
@@ -112,7 +112,10 @@ class McapFile:
             self.counts = self._counts()
 
     def log_times_ns(self, topic_name: str) -> npt.NDArray[np.int64]:
-        """Log times (K,) of a topic's messages, ascending; read from the index, no chunk is unpacked."""
+        """Log times (K,) int64 of a topic's messages in ns, ascending.
+
+        With an index, no chunk is decompressed. Raises AdvpipeError for a damaged file.
+        """
         with mcap_errors(self.path):
             times = self._indexed_times(topic_name) if self.is_indexed else self._read_times(topic_name)
             if len(times) != self.counts.get(topic_name, 0):
@@ -128,7 +131,11 @@ class McapFile:
         first_ns: int | None = None,
         last_ns: int | None = None,
     ) -> Iterator[RawMessage]:
-        """Messages in log-time order, `first_ns` and `last_ns` included; only their chunks are unpacked."""
+        """Yield messages in log-time order, from `first_ns` to `last_ns` inclusive.
+
+        topic_names: all topics by default. With an index, only the chunks of these messages are decompressed.
+        Raises AdvpipeError for a damaged file.
+        """
         names = set(self.counts if topic_names is None else topic_names)
         ids = {channel_id for channel_id, topic in self.topics.items() if topic.name in names}
         with mcap_errors(self.path), self.path.open("rb") as stream:
@@ -138,7 +145,7 @@ class McapFile:
     def _in_time_order(
         self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[RawMessage]:
-        """Chunks are unpacked when their first message is due; until then, a heap holds their place."""
+        """Decompress each chunk when its first message is due; until then, a heap holds its index entry."""
         waiting: list[tuple[int, int, int, ChunkIndex | RawMessage]] = [
             (chunk.message_start_time, chunk.chunk_start_offset, -1, chunk)
             for chunk in self._summary.chunk_indexes
@@ -171,7 +178,7 @@ class McapFile:
             if record.opcode == Opcode.CHUNK:
                 inside = self._messages_in(record.body, budget, ids, first_ns, last_ns)
             elif record.opcode == Opcode.MESSAGE:
-                inside = self._wanted(0, memoryview(record.body), ids, first_ns, last_ns)
+                inside = self._selected(0, memoryview(record.body), ids, first_ns, last_ns)
             else:
                 continue
             for _, raw in inside:
@@ -186,9 +193,9 @@ class McapFile:
         for opcode, offset, body in inner_records(budget.unpack(parse_chunk(chunk))):
             if opcode == Opcode.MESSAGE:
                 budget.count_message()
-                yield from self._wanted(offset, body, ids, first_ns, last_ns)
+                yield from self._selected(offset, body, ids, first_ns, last_ns)
 
-    def _wanted(
+    def _selected(
         self, offset: int, body: memoryview, ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[tuple[int, RawMessage]]:
         message = parse_message(body)
@@ -228,7 +235,7 @@ class McapFile:
         return np.concatenate(times_ns)
 
     def _scan(self) -> Summary:
-        """A summary of a file that has none, by reading all of it."""
+        """Make the summary of a file that has none by reading the whole file."""
         summary, counts, budget = Summary(), dict[int, int](), self._budget()
         with self.path.open("rb") as stream:
             for record in data_records(stream):
@@ -259,7 +266,10 @@ class McapFile:
 
 
 def check_ends(path: Path) -> None:
-    """Whole at both ends, and a summary that its checksum covers is as it was written."""
+    """Check both ends of a file, and the checksum of its summary if it has one.
+
+    Raises UsageError for a file that is not MCAP, and AdvpipeError for a truncated or damaged one.
+    """
     size = path.stat().st_size
     magic_bytes = len(MCAP0_MAGIC)
     with path.open("rb") as stream:
@@ -279,7 +289,7 @@ def check_ends(path: Path) -> None:
         if not summary_crc or not summary_start:
             return
         length, crc = size - magic_bytes - 4 - summary_start, 0
-        stream.seek(min(summary_start, size))  # no system seeks to any 64-bit number
+        stream.seek(min(summary_start, size))  # systems refuse to seek to a huge offset
         while length > 0 and (block := stream.read(min(length, _BLOCK_BYTES))):
             length, crc = length - len(block), zlib.crc32(block, crc)
         if length or crc != summary_crc:
@@ -287,7 +297,7 @@ def check_ends(path: Path) -> None:
 
 
 def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
-    """What a channel says; AdvpipeError where it is none of a ROS 2 recording."""
+    """The topic of a channel. Raises AdvpipeError for a channel that is not of a ROS 2 recording."""
     if len(channel.topic) > LONGEST_TOPIC or "\0" in channel.topic:
         raise AdvpipeError(
             f"{path}: {channel.topic[:40]!r}... is not a valid topic name ({len(channel.topic)} characters)"
@@ -302,7 +312,7 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
             f"{path}: {channel.topic} has a schema encoded as {short_repr(schema.encoding)}, which is "
             "not a ROS 2 encoding"
         )
-    if not _TYPE_NAME.fullmatch(schema.name):  # rosbags makes code of it
+    if not _TYPE_NAME.fullmatch(schema.name):  # rosbags generates code from it
         raise AdvpipeError(
             f"{path}: {channel.topic} has {short_repr(schema.name)}, which is not a valid type name"
         )
@@ -324,7 +334,7 @@ def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
 
 
 def _is_indexed(summary: Summary) -> bool:
-    """Whether time ranges can be looked up: statistics, channels and message indexes are all there."""
+    """Whether time ranges can be looked up: statistics, channels and message indexes are complete."""
     statistics = summary.statistics
     return (
         statistics is not None
@@ -336,5 +346,5 @@ def _is_indexed(summary: Summary) -> bool:
 
 
 def in_time_order(streams: list[Iterator[RawMessage]]) -> Iterator[RawMessage]:
-    """Several files' messages as one stream; at equal times, the earlier file's first."""
+    """Merge the messages of several files by log time; at equal times, the earlier file's come first."""
     return heapq.merge(*streams, key=lambda raw: raw.log_time_ns)

@@ -1,4 +1,4 @@
-"""MCAP records read within bounds: a length in a file is used only after it was checked."""
+"""A bounded reader of MCAP records: a length in a file is used only after it has been checked."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from mcap.records import (
 )
 
 RECORD_LIMIT_BYTES = CHUNK_LIMIT_BYTES = 1 << 29
-"""The most that one record, and one chunk unpacked, may hold: hundreds of clouds."""
+"""Most bytes of one record, and of one decompressed chunk: hundreds of clouds."""
 
 WINDOW_LIMIT_BYTES = 1 << 27
-"""The most that unpacking zstd may keep in mind: `zstd --ultra` asks for no more."""
+"""Largest zstd window: `zstd --ultra` needs no more."""
 
-HEAD = struct.Struct("<BQ")  # opcode and length, which the length does not count
-_CHUNK = struct.Struct("<QQQII")  # first and last time, unpacked size and CRC, length of the codec's name
+HEAD = struct.Struct("<BQ")  # opcode, and length of the body
+_CHUNK = struct.Struct("<QQQII")  # first and last time, uncompressed size and CRC, length of the codec's name
 _LENGTH = struct.Struct("<Q")
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _INDEX_HEAD_BYTES = 6  # channel, length of the entries
@@ -60,7 +60,7 @@ _READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
 
 
 class Record(NamedTuple):
-    """One record of a file: where it starts, and what comes after its opcode and length."""
+    """One record of a file: its opcode, its offset, and the bytes after its opcode and length."""
 
     opcode: int
     start: int
@@ -68,16 +68,17 @@ class Record(NamedTuple):
 
     @property
     def end(self) -> int:
+        """The offset after the record."""
         return self.start + HEAD.size + len(self.body)
 
     @property
     def bytes(self) -> bytes:
-        """All of it, as it is stored in the file."""
+        """The whole record as stored in the file."""
         return HEAD.pack(self.opcode, len(self.body)) + self.body
 
 
 class InnerMessage(NamedTuple):
-    """A message in an unpacked chunk, whose `data` is a view of it."""
+    """A message in a decompressed chunk; `data` is a view of the chunk."""
 
     channel_id: int
     sequence: int
@@ -89,10 +90,10 @@ class InnerMessage(NamedTuple):
 def read_records(
     stream: IO[bytes], start: int, end: int, wanted: Collection[int] | None = None
 ) -> Iterator[Record]:
-    """The records between two places of a file, one in memory at a time.
+    """Yield the records between two offsets of a file, with one in memory at a time.
 
-    wanted: opcodes; of others, the bodies are skipped and left empty. Raises ValueError for a record that
-    runs past the end or is larger than `RECORD_LIMIT_BYTES`.
+    wanted: opcodes; the bodies of other records are skipped and left empty. Raises ValueError for a record
+    that extends past the end or is larger than `RECORD_LIMIT_BYTES`.
     """
     while start < end:
         stream.seek(start)
@@ -114,26 +115,29 @@ def read_records(
 
 
 def parse_record(opcode: int, body: bytes | memoryview) -> McapRecord | None:
-    """A record other than a chunk, a message or its index; None for one that MCAP does not define."""
+    """Parse a record other than a chunk, a message or its index; None for one that MCAP does not define."""
     reader = _READERS.get(opcode)
     return reader(ReadDataStream(BytesIO(body))) if reader else None
 
 
 def parse_chunk(body: bytes) -> Chunk:
-    """A chunk, still packed; its sizes fit the record."""
+    """Parse a chunk without decompressing it. Raises ValueError if its sizes do not fit the record."""
     start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(body)
     data_start = _CHUNK.size + name_length + _LENGTH.size
     if data_start > len(body):
-        raise ValueError("the name of a chunk's compression runs past its end")
+        raise ValueError("the name of a chunk's compression extends past its end")
     name = body[_CHUNK.size : _CHUNK.size + name_length].decode()
-    (packed,) = _LENGTH.unpack_from(body, _CHUNK.size + name_length)
-    if packed != len(body) - data_start:
-        raise ValueError(f"a chunk declares {packed} bytes of data but has {len(body) - data_start}")
+    (data_bytes,) = _LENGTH.unpack_from(body, _CHUNK.size + name_length)
+    if data_bytes != len(body) - data_start:
+        raise ValueError(f"a chunk declares {data_bytes} bytes of data but has {len(body) - data_start}")
     return Chunk(name, body[data_start:], end_ns, start_ns, crc, size)
 
 
 def parse_message_index(body: bytes) -> tuple[int, npt.NDArray[np.uint64]]:
-    """The channel of a message index, and its entries (K, 2): log time in ns, offset in the chunk."""
+    """The channel id of a message index, and its entries (K, 2): log time in ns, offset in the chunk.
+
+    Raises ValueError for an invalid length.
+    """
     channel_id, length = struct.unpack_from("<HI", body)
     if length != len(body) - _INDEX_HEAD_BYTES or length % 16:
         raise ValueError(f"a message index declares {length} bytes")
@@ -141,9 +145,9 @@ def parse_message_index(body: bytes) -> tuple[int, npt.NDArray[np.uint64]]:
 
 
 def unpack_chunk(chunk: Chunk, check_crc: bool = True) -> bytes:
-    """The records in a chunk: exactly as many bytes as it declares, at most `CHUNK_LIMIT_BYTES`.
+    """Decompress a chunk: exactly as many bytes as it declares, at most `CHUNK_LIMIT_BYTES`.
 
-    Raises ValueError, or what the codec raises, for anything else and for a wrong checksum.
+    Raises ValueError, or an exception of the codec, for any other size and for a wrong checksum.
     """
     size = chunk.uncompressed_size
     if size > CHUNK_LIMIT_BYTES:
@@ -157,7 +161,7 @@ def unpack_chunk(chunk: Chunk, check_crc: bool = True) -> bytes:
 
 
 def _decompressed(chunk: Chunk, size: int) -> bytes:
-    """What is packed, or its first `size` + 1 bytes."""
+    """The decompressed data, or its first `size` + 1 bytes."""
     if chunk.compression == "":
         return chunk.data
     if chunk.compression == "lz4":
@@ -172,22 +176,25 @@ def _decompressed(chunk: Chunk, size: int) -> bytes:
 
 
 def inner_records(data: bytes) -> Iterator[tuple[int, int, memoryview]]:
-    """Opcode, offset and body of each record in an unpacked chunk."""
-    view, place = memoryview(data), 0
-    while place < len(data):
-        if len(data) - place < HEAD.size:
-            raise ValueError(f"{len(data) - place} bytes at the end of a chunk are not a record")
-        opcode, length = HEAD.unpack_from(view, place)
-        body = place + HEAD.size
+    """Yield opcode, offset and body of each record in a decompressed chunk.
+
+    Raises ValueError for a record that extends past the end.
+    """
+    view, offset = memoryview(data), 0
+    while offset < len(data):
+        if len(data) - offset < HEAD.size:
+            raise ValueError(f"{len(data) - offset} bytes at the end of a chunk are not a record")
+        opcode, length = HEAD.unpack_from(view, offset)
+        body = offset + HEAD.size
         if length > len(data) - body:
             raise ValueError(
                 f"a record in a chunk declares {length} bytes, but only {len(data) - body} are left"
             )
-        yield opcode, place, view[body : body + length]
-        place = body + length
+        yield opcode, offset, view[body : body + length]
+        offset = body + length
 
 
 def parse_message(body: memoryview) -> InnerMessage:
-    """A message's head, and its data."""
+    """Parse the header of a message. Raises struct.error if it is too short."""
     channel_id, sequence, log_time_ns, publish_time_ns = _MESSAGE.unpack_from(body)
     return InnerMessage(channel_id, sequence, log_time_ns, publish_time_ns, body[_MESSAGE.size :])

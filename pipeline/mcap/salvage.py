@@ -1,4 +1,4 @@
-"""Read the intact part of a damaged or truncated .mcap file."""
+"""Reads the intact part of a damaged or truncated .mcap file."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from advpipe.pipeline.mcap.unpacking import UnpackBudget
 
 @dataclass
 class Salvage:
-    """The intact messages of one file, and a count of the rest, which grows while they are read.
+    """The intact messages of one file, and counts of what is lost, which grow while messages are read.
 
-    A chunk is saved whole or not at all: its checksum has to be right. lost_messages: those of damaged
-    chunks that an index still counts; those in the missing end are unknown. lost_bytes: of the
-    file, in damaged chunks and in what is no whole record. metadata: records by name.
+    A chunk is recovered only as a whole, with a valid checksum. lost_messages: the messages of damaged chunks
+    that an index still counts; those in a missing end are unknown. lost_bytes: bytes of the file in damaged
+    chunks and in incomplete records. metadata: records by name.
     """
 
     path: Path
@@ -47,7 +47,7 @@ class Salvage:
     _topics: dict[int, tuple[Topic, Schema]] = field(default_factory=dict)
 
     def messages(self) -> Iterator[RawMessage]:
-        """The messages in the order of the file; AdvpipeError for a file that never was a ROS 2 bag."""
+        """Yield the messages in the file's order. Raises AdvpipeError for a file that is not a ROS 2 bag."""
         with self.path.open("rb") as stream:
             self._check_start(stream)
             summary = self._summary(stream)
@@ -59,10 +59,10 @@ class Salvage:
                 if record.opcode == Opcode.MESSAGE_INDEX:
                     self.lost_messages += _entries(record.body) if is_damaged else 0
                 elif record.opcode == Opcode.CHUNK:
-                    inside = _unpacked(record.body, budget)
+                    inside = _decompressed_records(record.body, budget)
                     is_damaged = inside is None
                     self.lost_chunks += is_damaged
-                    self.lost_bytes += _packed_bytes(record.body) if is_damaged else 0
+                    self.lost_bytes += _compressed_bytes(record.body) if is_damaged else 0
                     yield from self._read(inside or [])
                 else:
                     yield from self._read([(record.opcode, memoryview(record.body))])
@@ -77,7 +77,7 @@ class Salvage:
             )
 
     def _summary(self, stream: IO[bytes]) -> Summary:
-        """The summary where the file still has one: it repeats what a damaged chunk may have defined."""
+        """The summary if the file still has one: it repeats definitions that a damaged chunk may hold."""
         try:
             check_ends(self.path)
             return read_summary(stream) or Summary()
@@ -85,7 +85,7 @@ class Salvage:
             return Summary()
 
     def _records(self, stream: IO[bytes], chunk_starts: list[int]) -> Iterator[Record]:
-        """All whole records; behind a damaged one it goes on at the next chunk that the summary names."""
+        """All complete records; after a damaged one, continue at the next chunk that the summary lists."""
         size = self.path.stat().st_size
         good = start = len(MCAP0_MAGIC)
         while start < size:
@@ -97,7 +97,7 @@ class Salvage:
                         return
             except DAMAGE:
                 pass
-            start = min((place for place in chunk_starts if place > good), default=size)
+            start = min((offset for offset in chunk_starts if offset > good), default=size)
             self.lost_bytes += start - good
             good = start
 
@@ -132,8 +132,8 @@ class Salvage:
             self._topics[record.id] = ros2_topic(self.path, record, schema), schema
 
 
-def _unpacked(body: bytes, budget: UnpackBudget) -> list[tuple[int, memoryview]] | None:
-    """The records of a chunk; None for a damaged one, and one that unpacks to too much."""
+def _decompressed_records(body: bytes, budget: UnpackBudget) -> list[tuple[int, memoryview]] | None:
+    """The records of a chunk; None for a chunk that is damaged or decompresses to too much."""
     try:
         return [(opcode, inside) for opcode, _, inside in inner_records(budget.unpack(parse_chunk(body)))]
     except DAMAGE:
@@ -141,15 +141,15 @@ def _unpacked(body: bytes, budget: UnpackBudget) -> list[tuple[int, memoryview]]
 
 
 def _entries(body: bytes) -> int:
-    """How many messages an index counts; 0 for a damaged one."""
+    """The number of messages in an index; 0 for a damaged index."""
     try:
         return len(parse_message_index(body)[1])
     except DAMAGE:
         return 0
 
 
-def _packed_bytes(body: bytes) -> int:
-    """How many bytes of data a chunk holds, as far as its header shows."""
+def _compressed_bytes(body: bytes) -> int:
+    """The bytes of compressed data in a chunk, or of the whole record if its header is damaged."""
     try:
         return len(parse_chunk(body).data)
     except DAMAGE:

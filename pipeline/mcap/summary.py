@@ -1,4 +1,4 @@
-"""What an MCAP file says about itself: its summary, its metadata records, its data section."""
+"""Reads the summary, the metadata records and the data section of an MCAP file."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from advpipe.pipeline.mcap.records import Record, parse_record, read_records
 
 FOOTER_BYTES = 29
 METADATA_LIMIT_BYTES = 1 << 24
-"""The longest metadata record that is read: a scenario has some 10 kB."""
+"""The longest metadata record that is read; a scenario has some 10 kB."""
 
 _DATA = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.DATA_END)
 _IN_SUMMARY = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX)
 
 
 def read_summary(stream: IO[bytes]) -> Summary | None:
-    """What the end of a whole file says about it; None where that says nothing."""
+    """Read the summary of a complete file; None if it has none. Raises ValueError for a missing footer."""
     end = stream.seek(0, 2) - len(MCAP0_MAGIC)
     footer = next(read_records(stream, end - FOOTER_BYTES, end))
     parsed = parse_record(footer.opcode, footer.body)
@@ -36,7 +36,7 @@ def read_summary(stream: IO[bytes]) -> Summary | None:
 
 
 def add_definition(summary: Summary, record: object) -> None:
-    """Sort a record into a summary."""
+    """Add a record to a summary; records of types that a summary does not hold are ignored."""
     if isinstance(record, Schema):
         summary.schemas[record.id] = record
     elif isinstance(record, Channel):
@@ -50,12 +50,15 @@ def add_definition(summary: Summary, record: object) -> None:
 
 
 def read_metadata(stream: IO[bytes], summary: Summary | None) -> dict[str, dict[str, str]]:
-    """The metadata records by name, by their index; without a summary, by reading through the file."""
+    """Read the metadata records, by name, through the summary's index; without a summary, scan the file.
+
+    Raises ValueError for a record of more than `METADATA_LIMIT_BYTES`.
+    """
     if summary is None:
         records = data_records(stream, (Opcode.METADATA,))
     else:
-        places = [(index.offset, index.offset + index.length) for index in summary.metadata_indexes]
-        records = (next(read_records(stream, *place)) for place in places)
+        spans = [(index.offset, index.offset + index.length) for index in summary.metadata_indexes]
+        records = (next(read_records(stream, *span)) for span in spans)
     found: dict[str, dict[str, str]] = {}
     for record in records:
         if len(record.body) > METADATA_LIMIT_BYTES:
@@ -67,7 +70,7 @@ def read_metadata(stream: IO[bytes], summary: Summary | None) -> dict[str, dict[
 
 
 def data_records(stream: IO[bytes], wanted: Collection[int] = _DATA) -> Iterator[Record]:
-    """The records of the data section."""
+    """Yield the records of the data section; the bodies of records with other opcodes are skipped."""
     end = stream.seek(0, 2) - len(MCAP0_MAGIC)
     for record in read_records(stream, len(MCAP0_MAGIC), end, wanted):
         if record.opcode == Opcode.DATA_END:

@@ -1,4 +1,4 @@
-"""How much one pass over an .mcap file may unpack, so that a few kilobytes do not cost hours."""
+"""Limits how much one pass over an .mcap file may decompress, so that a small file cannot take hours."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from advpipe.pipeline.mcap.records import unpack_chunk
 
 FREE_BYTES = 1 << 30
 RATIO = 100
-"""What is packed may hold a gigabyte, and beyond that so many times the file's bytes: clouds pack to a half,
-text to a tenth."""
+"""Decompressed data may take a gigabyte, plus `RATIO` times the file's bytes: compression halves clouds, and
+reduces text to a tenth."""
 
 MESSAGE_BYTES = 256
-"""What a message costs beyond its bytes. An index holds each in 16 uncompressed bytes, so a file
-that has one never comes to its end."""
+"""The cost of a message beyond its bytes. An index stores 16 uncompressed bytes for each message, so an
+indexed file never exhausts the budget."""
 
 
 class UnpackBudget:
-    """Of one pass over a file of so many bytes."""
+    """The budget of decompressed bytes of one pass over a file of `file_bytes` bytes."""
 
     def __init__(self, file_bytes: int) -> None:
         self._most_bytes = FREE_BYTES + RATIO * file_bytes
         self._taken_bytes = 0
 
     def unpack(self, chunk: Chunk) -> bytes:
-        """As `mcap_records.unpack`; raises ValueError once the file has unpacked to too much."""
+        """Decompress as `records.unpack_chunk`; raises ValueError once the file exceeds its budget."""
         self._take(chunk.uncompressed_size)
         return unpack_chunk(chunk)
 
     def count_message(self) -> None:
-        """Raises ValueError where the file has held too many messages."""
+        """Count one message. Raises ValueError once the file exceeds its budget."""
         self._take(MESSAGE_BYTES)
 
     def _take(self, size_bytes: int) -> None:

@@ -1,7 +1,8 @@
-"""Write one .mcap file; its chunks are compressed and written while the caller goes on.
+"""Writes one .mcap file; chunks are compressed and written in the background.
 
-Byte for byte what `mcap.Writer` makes of the same calls, but for the level of zstd, which that one does
-not let choose. Level 1 packs LiDAR clouds as small as the usual level 3, in little more than half the time.
+The file is byte for byte the same as that of `mcap.Writer`, except for the zstd level, which `mcap.Writer`
+does not expose. Level 1 compresses LiDAR clouds as well as the default level 3, in little more than half the
+time.
 """
 
 from __future__ import annotations
@@ -44,44 +45,44 @@ COMPRESSIONS: dict[str, Callable[[Buffer], Buffer] | None] = {
     "none": None,
 }
 CHUNK_BYTES = 1 << 20
-"""A chunk ends with the message that brings it above; a cloud is mostly a chunk of its own."""
+"""A chunk ends with the message that exceeds this size; a cloud usually fills a chunk alone."""
 CHUNKS_IN_WAIT = 4
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<BQQQQII")  # opcode, length, start, end, uncompressed size and CRC, name's length
-_RECORD_HEAD_BYTES = 9  # opcode and length, which the length does not count
+_RECORD_HEAD_BYTES = 9  # opcode and length, which the length field does not count
 
 
 @dataclass
 class _Chunk:
-    """Records that wait for their chunk to be full; places: log time and offset by channel id."""
+    """The records of a chunk that is not yet full; entries: log time in ns and offset, by channel id."""
 
     parts: list[bytes] = field(default_factory=list)
     size: int = 0
     times_ns: list[int] = field(default_factory=list)
-    places: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    entries: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
 
     def add(self, *parts: bytes) -> None:
         self.parts += parts
         self.size += sum(map(len, parts))
 
-    def joined(self, room: bytearray) -> memoryview:
-        """The records in one piece, in `room`, which grows where it is too small."""
-        if len(room) < self.size:
-            room.extend(bytes(self.size - len(room)))
+    def joined(self, buffer: bytearray) -> memoryview:
+        """The records concatenated in `buffer`, which is enlarged if it is too small."""
+        if len(buffer) < self.size:
+            buffer.extend(bytes(self.size - len(buffer)))
         end = 0
         for part in self.parts:
             start, end = end, end + len(part)
-            room[start:end] = part
-        return memoryview(room)[: self.size]
+            buffer[start:end] = part
+        return memoryview(buffer)[: self.size]
 
 
 class McapWriter:
-    """An MCAP file of the `ros2` profile in the making: chunks, message indexes and every checksum.
+    """A writer of an MCAP file of the `ros2` profile, with chunks, message indexes and every checksum.
 
     stream: open for writing bytes; `finish` and `abort` leave it open. compression: a key of
-    `COMPRESSIONS`. Raises what the stream raises, perhaps some calls later. At most `CHUNKS_IN_WAIT`
-    full chunks are in memory besides the ones that are filled and written.
+    `COMPRESSIONS`. Any method may raise an exception of the stream from an earlier call. At most
+    `CHUNKS_IN_WAIT` full chunks are queued in memory besides the ones that are being filled and written.
     """
 
     def __init__(self, stream: IO[bytes], compression: str = "zstd") -> None:
@@ -92,23 +93,23 @@ class McapWriter:
         self._counts: dict[int, int] = {}
         self._first_ns, self._last_ns = 2**64, 0
         self._chunk = _Chunk()
-        # From here on, what only the background touches.
+        # The attributes below are used only by the background thread.
         self._stream = stream
         self._position, self._data_crc = 0, 0
-        self._room = bytearray()  # kept: giving megabytes back for each chunk costs more than packing them
+        self._buffer = bytearray()  # reused: allocating megabytes for each chunk is slower than compression
         self._chunk_indexes: list[ChunkIndex] = []
         self._metadata_indexes: list[MetadataIndex] = []
         self._background = Background(CHUNKS_IN_WAIT)
         self._background.call(self._write, [MCAP0_MAGIC, _bytes_of([Header("ros2", "advpipe")])])
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """The new schema's id."""
+        """Add a schema and return its id."""
         self._schemas.append(Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data))
         self._chunk.add(_bytes_of(self._schemas[-1:]))
         return len(self._schemas)
 
     def add_channel(self, topic: str, schema_id: int, metadata: Mapping[str, str]) -> int:
-        """The new channel's id; its messages are CDR."""
+        """Add a channel of CDR messages and return its id."""
         channel_id = len(self._channels) + 1
         self._channels.append(Channel(channel_id, topic, "cdr", dict(metadata), schema_id))
         self._chunk.add(_bytes_of(self._channels[-1:]))
@@ -117,8 +118,9 @@ class McapWriter:
     def add_message(
         self, channel_id: int, log_time_ns: int, cdr: bytes, publish_time_ns: int, sequence: int
     ) -> None:
+        """Add a message to the current chunk, and end the chunk if it is full."""
         chunk, length = self._chunk, _MESSAGE.size - _RECORD_HEAD_BYTES + len(cdr)
-        chunk.places.setdefault(channel_id, []).append((log_time_ns, chunk.size))
+        chunk.entries.setdefault(channel_id, []).append((log_time_ns, chunk.size))
         chunk.times_ns.append(log_time_ns)
         chunk.add(
             _MESSAGE.pack(Opcode.MESSAGE, length, channel_id, sequence, log_time_ns, publish_time_ns), cdr
@@ -128,16 +130,17 @@ class McapWriter:
             self._end_chunk()
 
     def add_metadata(self, name: str, metadata: Mapping[str, str]) -> None:
+        """Add a metadata record."""
         self._background.call(self._write_metadata, Metadata(name=name, metadata=dict(metadata)))
 
     def finish(self) -> None:
-        """Writes what is left, and the summary; then everything is in the stream."""
+        """Write the last chunk and the summary, and wait until everything is in the stream."""
         self._end_chunk()
         self._background.call(self._write_end)
         self._background.finish()
 
     def abort(self) -> None:
-        """Stops as soon as it can; the stream is used no more."""
+        """Stop as soon as possible; afterwards the stream is not used any more."""
         self._background.abort()
 
     def _end_chunk(self) -> None:
@@ -157,31 +160,31 @@ class McapWriter:
     def _write_chunk(self, chunk: _Chunk) -> None:
         start, first_ns, last_ns = self._position, min(chunk.times_ns), max(chunk.times_ns)
         data: Sequence[Buffer] = chunk.parts
-        packed = data
+        compressed = data
         if self._compress:
-            data = [chunk.joined(self._room)]
-            packed = [self._compress(data[0])]
-        name, packed_size = self._compression.encode(), sum(map(len, packed))
+            data = [chunk.joined(self._buffer)]
+            compressed = [self._compress(data[0])]
+        name, compressed_size = self._compression.encode(), sum(map(len, compressed))
         head = _CHUNK.pack(
             Opcode.CHUNK,
-            _CHUNK.size - _RECORD_HEAD_BYTES + len(name) + 8 + packed_size,
+            _CHUNK.size - _RECORD_HEAD_BYTES + len(name) + 8 + compressed_size,
             first_ns,
             last_ns,
             chunk.size,
             _crc(data),
             len(name),
         )
-        self._write([head, name, struct.pack("<Q", packed_size), *packed])
+        self._write([head, name, struct.pack("<Q", compressed_size), *compressed])
         indexes_start, offsets = self._position, {}
-        for channel_id, places in chunk.places.items():
+        for channel_id, entries in chunk.entries.items():
             offsets[channel_id] = self._position
-            self._write([_bytes_of([MessageIndex(channel_id, places)])])
+            self._write([_bytes_of([MessageIndex(channel_id, entries)])])
         self._chunk_indexes.append(
             ChunkIndex(
                 chunk_length=indexes_start - start,
                 chunk_start_offset=start,
                 compression=self._compression,
-                compressed_size=packed_size,
+                compressed_size=compressed_size,
                 message_end_time=last_ns,
                 message_index_length=self._position - indexes_start,
                 message_index_offsets=offsets,
@@ -189,7 +192,7 @@ class McapWriter:
                 uncompressed_size=chunk.size,
             )
         )
-        self._stream.flush()  # so that a killed run leaves all its chunks
+        self._stream.flush()  # so that a killed run leaves all finished chunks
 
     def _write_metadata(self, record: Metadata) -> None:
         block = _bytes_of([record])

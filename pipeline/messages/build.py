@@ -1,4 +1,4 @@
-"""Small messages from advpipe's own values, and back: poses, transforms, boxes, fixes."""
+"""Converts advpipe's values to small ROS 2 messages and back: poses, transforms, boxes, fixes."""
 
 from __future__ import annotations
 
@@ -29,35 +29,39 @@ _PoseWithCovariance = message_class("geometry_msgs/msg/PoseWithCovariance")
 
 
 def time(stamp_ns: int) -> Any:
-    """builtin_interfaces/Time of a stamp in nanoseconds since the epoch."""
+    """builtin_interfaces/Time from a stamp in nanoseconds since the epoch."""
     seconds, nanoseconds = divmod(int(stamp_ns), NS_PER_S)
     return _Time(sec=seconds, nanosec=nanoseconds)
 
 
 def message_header(stamp_ns: int, frame_id: str) -> Any:
+    """The header (std_msgs/msg/Header) of a measurement at `stamp_ns` nanoseconds in a frame."""
     return _Header(stamp=time(stamp_ns), frame_id=frame_id)
 
 
 def stamp_ns(message: Any) -> int:
-    """The stamp in a message's header, in nanoseconds."""
+    """The stamp in a message's header, in nanoseconds since the epoch."""
     stamp = message.header.stamp
     return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 
 def point(xyz_m: npt.ArrayLike) -> Any:
+    """geometry_msgs/Point from coordinates (3,)."""
     return _Point(*(float(value) for value in np.asarray(xyz_m)))
 
 
 def vector3(xyz: npt.ArrayLike) -> Any:
+    """geometry_msgs/Vector3 from components (3,)."""
     return _Vector3(*(float(value) for value in np.asarray(xyz)))
 
 
 def quaternion(a_SE3_b: Float64) -> Any:
+    """geometry_msgs/Quaternion from the rotation of a transform (4, 4)."""
     return _Quaternion(*(float(value) for value in quaternion_xyzw(a_SE3_b)))
 
 
 def pose(a_SE3_b: Float64) -> Any:
-    """geometry_msgs/Pose of frame b in frame a."""
+    """geometry_msgs/Pose of frame b in frame a, from a transform (4, 4)."""
     return _Pose(position=point(a_SE3_b[:3, 3]), orientation=quaternion(a_SE3_b))
 
 
@@ -80,10 +84,10 @@ def odometry(
     pose_covariance: npt.ArrayLike | None = None,
     twist_covariance: npt.ArrayLike | None = None,
 ) -> Any:
-    """nav_msgs/Odometry; the velocities (3,) are in the child frame, as REP-105 asks.
+    """nav_msgs/Odometry; the velocities (3,) are in the child frame, as REP-105 specifies.
 
-    The covariances (6, 6) are of x, y, z and rotations about x, y, z: of the pose along the axes of the
-    header's frame, of the twist along those of the child's. Zeros where they are left out.
+    The covariances (6, 6) are those of x, y, z and of the rotations about x, y, z: of the pose along the axes
+    of the header's frame, of the twist along the axes of the child frame. By default they are zero.
     """
     twist = message_class("geometry_msgs/msg/Twist")(
         linear=vector3(base_velocity_mps), angular=vector3(base_turn_rate_radps)
@@ -106,7 +110,8 @@ def initial_pose(
     *,
     frame_id: str = "map",
 ) -> Any:
-    """geometry_msgs/PoseWithCovarianceStamped; the covariance (6, 6) is as in `odometry`."""
+    """geometry_msgs/PoseWithCovarianceStamped from a position (3,), a quaternion (4,) x, y, z, w and the
+    covariance (6, 6) of the pose, as in `odometry`."""
     orientation = _Quaternion(*(float(value) for value in np.asarray(xyzw)))
     return message_class("geometry_msgs/msg/PoseWithCovarianceStamped")(
         header=message_header(stamp_ns, frame_id),
@@ -125,10 +130,10 @@ def imu(
     rate_stddev_radps: float = 0.0,
     frame_id: str = "ego/imu",
 ) -> Any:
-    """sensor_msgs/Imu of a specific force (3,), +9.80665 m/s² along z at rest, and an angular rate (3,).
+    """sensor_msgs/Imu from a specific force (3,), +9.80665 m/s² along z at rest, and an angular rate (3,).
 
-    The standard deviations are of the white noise of each axis. There is no orientation: its covariance
-    starts with -1, as the message's definition asks.
+    The standard deviations are those of the white noise on each axis. The message states no orientation: its
+    covariance starts with -1, as the message's definition specifies.
     """
     no_orientation = np.zeros(9)
     no_orientation[0] = -1.0
@@ -153,9 +158,9 @@ def nav_sat_fix(
     frame_id: str = "ego/gnss",
     is_fix: bool = True,
 ) -> Any:
-    """sensor_msgs/NavSatFix; `std_m` is the standard deviation to the east, north and up.
+    """sensor_msgs/NavSatFix; `std_m` holds the standard deviations (3,) to the east, north and up.
 
-    A receiver that finds no satellites says so: `is_fix` False is STATUS_NO_FIX, whatever the place.
+    is_fix: False sets STATUS_NO_FIX (a receiver without satellites), whatever the position.
     """
     status = message_class("sensor_msgs/msg/NavSatStatus")(status=0 if is_fix else -1, service=1)
     return message_class("sensor_msgs/msg/NavSatFix")(
@@ -170,7 +175,7 @@ def nav_sat_fix(
 
 
 def transforms(stamp_ns: int, parent_SE3_child: Iterable[tuple[str, str, Float64]]) -> Any:
-    """tf2_msgs/TFMessage of (parent frame, child frame, parent_SE3_child)."""
+    """tf2_msgs/TFMessage from tuples (parent frame, child frame, transform (4, 4))."""
     Transform = message_class("geometry_msgs/msg/Transform")
     TransformStamped = message_class("geometry_msgs/msg/TransformStamped")
     return message_class("tf2_msgs/msg/TFMessage")(
@@ -186,7 +191,7 @@ def transforms(stamp_ns: int, parent_SE3_child: Iterable[tuple[str, str, Float64
 
 
 def detections_message(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
-    """vision_msgs/Detection3DArray of boxes in that frame, each with score 1."""
+    """vision_msgs/Detection3DArray of boxes in the frame `frame_id`, each with score 1."""
     Detection = message_class("vision_msgs/msg/Detection3D")
     Result = message_class("vision_msgs/msg/ObjectHypothesisWithPose")
     Hypothesis = message_class("vision_msgs/msg/ObjectHypothesis")
@@ -210,9 +215,9 @@ def detections_message(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
 def road_users(
     stamp_ns: int, frame_id: str, boxes: Boxes, lidar_points: npt.ArrayLike, occlusion: npt.ArrayLike
 ) -> Any:
-    """advpipe_msgs/RoadUserArray of boxes in that frame.
+    """advpipe_msgs/RoadUserArray of M boxes in the frame `frame_id`.
 
-    lidar_points: (M,), the returns on each. occlusion: (M,), the share of each that something hides.
+    lidar_points: (M,), number of LiDAR points on each. occlusion: (M,), the occluded share of each, 0 to 1.
     """
     RoadUser = message_class("advpipe_msgs/msg/RoadUser")
     return message_class("advpipe_msgs/msg/RoadUserArray")(
@@ -225,9 +230,9 @@ def road_users(
                 size=vector3(box[3:6]),
                 velocity=vector3(velocity),
                 lidar_points=int(points),
-                occlusion=float(hidden),
+                occlusion=float(occluded),
             )
-            for box, label, name, velocity, points, hidden in zip(
+            for box, label, name, velocity, points, occluded in zip(
                 boxes.geometry,
                 boxes.labels,
                 boxes.ids,
@@ -256,12 +261,12 @@ def se3_from_pose(message: Any) -> Float64:
 
 
 def se3_from_poses(messages: Sequence[Any]) -> Float64:
-    """The same (N, 4, 4) of many, to the bit: they take little more time than one."""
+    """The matrices (N, 4, 4) of several geometry_msgs/Pose: bit for bit those of `se3_from_pose`, faster."""
     map_SE3_poses: Float64 = np.tile(np.eye(4), (len(messages), 1, 1))
     if messages:
-        turns, places = [one.orientation for one in messages], [one.position for one in messages]
-        map_SE3_poses[:, :3, :3] = rotations_from_quaternions([(q.x, q.y, q.z, q.w) for q in turns])
-        map_SE3_poses[:, :3, 3] = [(p.x, p.y, p.z) for p in places]
+        rotations, positions = [one.orientation for one in messages], [one.position for one in messages]
+        map_SE3_poses[:, :3, :3] = rotations_from_quaternions([(q.x, q.y, q.z, q.w) for q in rotations])
+        map_SE3_poses[:, :3, 3] = [(p.x, p.y, p.z) for p in positions]
     return map_SE3_poses
 
 
@@ -271,7 +276,7 @@ def se3_from_transform(message: Any) -> Float64:
 
 
 def _flat(covariance: npt.ArrayLike | None) -> Float64:
-    """Row by row, as ROS has it; zeros (36,) for None."""
+    """A covariance (6, 6) as (36,), row by row as in ROS; zeros for None."""
     return np.zeros(36) if covariance is None else np.array(covariance, dtype=np.float64).ravel()
 
 

@@ -1,7 +1,7 @@
-"""The ASN.1 values of a CAM as a serialised etsi_its_cam_msgs/CAM, without objects between the two.
+"""Serialises the ASN.1 values of a CAM as etsi_its_cam_msgs/CAM, without intermediate message objects.
 
-Each type becomes one function, once. A part that a CAM leaves out is the same bytes every time, but for
-their alignment.
+For each type, one writing function is made once. A part that a CAM omits is always written as the same bytes,
+apart from their alignment.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _ALIGNMENTS = 8
 
 
 def cam_cdr(tree: CamTree) -> bytes:
-    """The message. Raises CamError for values that it cannot hold: those that a later release has added."""
+    """The serialised message. Raises CamError for values of a later release, which it cannot hold."""
     cdr = Cdr()
     try:
         _writer("CAM")(tree, cdr)
     except (KeyError, struct.error, OverflowError) as error:
-        raise CamError(f"etsi_its_cam_msgs/CAM does not know what this CAM holds: {error}") from None
+        raise CamError(f"etsi_its_cam_msgs/CAM cannot hold a value of this CAM: {error}") from None
     return bytes(cdr)
 
 
@@ -56,10 +56,10 @@ def _integer(cam_type: CamType) -> Write:
 
 def _enumerated(cam_type: CamType) -> Write:
     number = _number(cam_type.number)
-    place = {name: index for index, name in enumerate(cam_type.names)}
+    index_of = {name: index for index, name in enumerate(cam_type.names)}
 
     def write(value: str, cdr: Cdr) -> None:
-        number(place[value], cdr)
+        number(index_of[value], cdr)
 
     return write
 
@@ -118,12 +118,12 @@ def _sequence(cam_type: CamType) -> Write:
 
 
 def _choice(cam_type: CamType) -> Write:
-    place = {member.asn1_name: index for index, member in enumerate(cam_type.members)}
+    index_of = {member.asn1_name: index for index, member in enumerate(cam_type.members)}
     members = [(member.asn1_name, _part(member), _absent(member)) for member in cam_type.members]
 
     def write(value: tuple[str, Any], cdr: Cdr) -> None:
         chosen, content = value
-        cdr.uint8(place[chosen])
+        cdr.uint8(index_of[chosen])
         for name, part, absent in members:
             if name == chosen:
                 part(content, cdr)
@@ -138,23 +138,23 @@ def _part(member: Member) -> Write:
 
 
 def _absent(member: Member) -> Callable[[Cdr], None]:
-    """Writes what a message holds in place of a part that is not there: zeros and empty sequences."""
-    texts: list[bytes] = []
+    """A function that writes the bytes of an omitted part: zeros and empty sequences."""
+    by_alignment: list[bytes] = []
     for offset in range(_ALIGNMENTS):
         cdr = Cdr()
         cdr.body += bytes(offset)
         _part(member)(_empty(member.type) if member.type else 0, cdr)
-        texts.append(bytes(cdr.body[offset:]))
+        by_alignment.append(bytes(cdr.body[offset:]))
 
     def write(cdr: Cdr) -> None:
-        cdr.body += texts[len(cdr.body) % _ALIGNMENTS]
+        cdr.body += by_alignment[len(cdr.body) % _ALIGNMENTS]
 
     return write
 
 
 @cache
 def _empty(name: str) -> Any:
-    """Zeros, as ROS 2 fills a new message; a CHOICE takes its first alternative."""
+    """The value of a new ROS 2 message: zeros; a CHOICE takes its first alternative."""
     cam_type = cam_types()[name]
     match cam_type.kind:
         case "SEQUENCE":

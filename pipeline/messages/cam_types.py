@@ -1,8 +1,8 @@
-"""The 94 message types of etsi_its_cam_msgs, derived from the ASN.1 of the CAM that pycrate brings.
+"""The 94 message types of etsi_its_cam_msgs, derived from pycrate's ASN.1 definition of the CAM.
 
-The ROS 2 package is generated from the same ASN.1 (EN 302 637-2 v1.4.1) by regular rules: a type for each
-ASN.1 type, its fields in snake case; a number, an enumeration, a bool or a string is `value`; OPTIONAL
-adds `bool <field>_is_present` behind the field; a CHOICE is `uint8 choice` and all alternatives; a
+The ROS 2 package is generated from the same ASN.1 (EN 302 637-2 v1.4.1) by regular rules: one type for each
+ASN.1 type, with fields in snake case; a number, an enumeration, a bool or a string is the field `value`;
+OPTIONAL adds `bool <field>_is_present` after the field; a CHOICE is `uint8 choice` and all alternatives; a
 SEQUENCE OF is `array`; a BIT STRING is bytes and the number of unused bits.
 """
 
@@ -24,7 +24,7 @@ _BYTES = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("uint8", 0)), 0))
 
 @dataclass(frozen=True)
 class Member:
-    """One part of a SEQUENCE or CHOICE. type: of ours; "" for a number written in place."""
+    """One part of a SEQUENCE or CHOICE. type: a name in `cam_types`; "" for a number of ROS type `number`."""
 
     asn1_name: str
     field: str
@@ -35,11 +35,11 @@ class Member:
 
 @dataclass(frozen=True)
 class CamType:
-    """One ASN.1 type. kind: the ASN.1's word for it, or "alias" for a type that renames another.
+    """One ASN.1 type. kind: its ASN.1 keyword, or "alias" for a type that renames another.
 
-    members: of a SEQUENCE or CHOICE. element: the type of an alias or of a SEQUENCE OF's items.
-    number: the ROS type of an INTEGER or ENUMERATED, highest: what the former holds.
-    names: of an ENUMERATED, in order.
+    members: the parts of a SEQUENCE or CHOICE. element: the type of an alias or of a SEQUENCE OF's items.
+    number: the ROS type of an INTEGER or ENUMERATED. highest: the largest value of an INTEGER's ROS type.
+    names: the values of an ENUMERATED, in order.
     """
 
     kind: str
@@ -52,18 +52,19 @@ class CamType:
 
 @cache
 def cam_types() -> dict[str, CamType]:
-    """Every type inside a CAM by its name, such as "StationType"."""
+    """Every type in a CAM by its name, such as "StationType"."""
     types: dict[str, CamType] = {}
     _add("CAM", asn1_cam(), types)
     return types
 
 
 def definitions() -> dict[str, Any]:
-    """The types as rosbags registers them."""
+    """The definitions of all types by their full name, as rosbags registers them."""
     return {full_name(name): ([], _fields(cam_type)) for name, cam_type in cam_types().items()}
 
 
 def full_name(name: str) -> str:
+    """The ROS 2 name of a type."""
     return f"{PACKAGE}/msg/{name}"
 
 
@@ -99,7 +100,7 @@ def _member(asn1_name: str, asn1: Any) -> Member:
 
 
 def _reference(asn1: Any) -> str | None:
-    """The name of the type that a part is of, or that a type renames."""
+    """The name of a part's type, or of the type that an alias renames; None for other types."""
     return None if asn1._typeref is None else str(asn1._typeref.called[1])
 
 
@@ -113,7 +114,7 @@ def _number_of(asn1: Any) -> str:
 
 
 def _number(low: int, high: int) -> str:
-    """The smallest integer type of ROS that holds both."""
+    """The smallest ROS integer type that holds both bounds."""
     for bits in (8, 16, 32, 64):
         if low >= 0 and high < 1 << bits:
             return f"uint{bits}"

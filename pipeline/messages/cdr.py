@@ -1,6 +1,6 @@
-"""Common Data Representation: messages written field by field, where rosbags' objects would take too long.
+"""Writes messages in CDR (Common Data Representation) field by field, which is faster than rosbags' objects.
 
-The bytes are those that `types.serialise` makes of the same values; the tests compare them.
+The bytes are the same as those of `types.serialise` for the same values, which the tests check.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ _UINT64 = struct.Struct("<Q")
 
 
 class Cdr:
-    """One message in the making: call the methods in the order of its fields.
+    """A writer of one message; call its methods in the order of the message's fields.
 
-    A number is aligned to its own size, counted from the end of the encapsulation, which comes first.
+    A number is aligned to its own size, counted from the end of the encapsulation header. Raises struct.error
+    (or ValueError for a uint8) for a number out of range.
     """
 
     __slots__ = ("body",)
@@ -31,34 +32,41 @@ class Cdr:
         return _ENCAPSULATION + self.body
 
     def align(self, size: int) -> None:
+        """Pad to a multiple of `size` bytes."""
         self.body += _PADDING[-len(self.body) % size]
 
     def uint8(self, value: int) -> None:
+        """One uint8 or bool."""
         self.body.append(value)
 
     def uint16(self, value: int) -> None:
+        """One uint16."""
         self.align(2)
         self.body += _UINT16.pack(value)
 
     def uint32(self, *values: int) -> None:
+        """One or several consecutive uint32."""
         self.align(4)
         for value in values:
             self.body += _UINT32.pack(value)
 
     def uint64(self, value: int) -> None:
+        """One uint64."""
         self.align(8)
         self.body += _UINT64.pack(value)
 
     def float32(self, *values: float) -> None:
+        """One or several consecutive float32."""
         self.align(4)
         self.body += struct.pack(f"<{len(values)}f", *values)
 
     def float64(self, *values: float) -> None:
+        """One or several consecutive float64."""
         self.align(8)
         self.body += struct.pack(f"<{len(values)}d", *values)
 
     def string(self, text: str) -> None:
-        """Its length, its bytes, and the zero that ends it."""
+        """A string: its length, its bytes in UTF-8, and a terminating zero."""
         data = text.encode()
         self.uint32(len(data) + 1)
         self.body += data
@@ -70,7 +78,7 @@ class Cdr:
         self.body += data
 
     def time(self, stamp_ns: int) -> None:
-        """builtin_interfaces/Time."""
+        """builtin_interfaces/Time from a stamp in nanoseconds."""
         self.align(4)
         self.body += _TIME.pack(*divmod(stamp_ns, _NS_PER_S))
 

@@ -17,17 +17,17 @@ Cloud = npt.NDArray[np.void]
 POINT_DTYPE = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]
 )
-"""One point, 22 bytes, as the velodyne driver lays it out: metres, intensity in [0, 1], channel from
-the lowest up, seconds after the cloud's stamp."""
+"""One point, 22 bytes, in the layout of the velodyne driver: metres, intensity in [0, 1], channel counted
+from the lowest, seconds after the cloud's stamp."""
 
 
 def xyz(cloud: Cloud) -> npt.NDArray[np.float32]:
-    """Coordinates (N, 3) float32 of a cloud, a copy."""
+    """Coordinates (N, 3) float32 of a cloud (N,), as a copy."""
     return np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=-1)
 
 
 def xyzi(cloud: Cloud) -> npt.NDArray[np.float32]:
-    """Coordinates and intensity (N, 4) float32 of a cloud, a copy: what a detector reads."""
+    """Coordinates and intensity (N, 4) float32 of a cloud (N,), as a copy: the input of a detector."""
     return np.stack([cloud["x"], cloud["y"], cloud["z"], cloud["intensity"]], axis=-1)
 
 
@@ -40,9 +40,10 @@ class StampedCloud(NamedTuple):
 
 
 def cloud_to_cdr(cloud: Cloud, stamp_ns: int, frame_id: str) -> bytes:
-    """The cloud (N,) of `POINT_DTYPE` as a serialised sensor_msgs/PointCloud2, its points copied once.
+    """Serialise a cloud (N,) of `POINT_DTYPE` as sensor_msgs/PointCloud2; its points are copied once.
 
-    Points that are not finite are kept, and the message says so (`is_dense`).
+    Points that are not finite are kept, and the message states that (`is_dense` false). Raises ValueError for
+    an array of another shape or type.
     """
     if cloud.dtype != POINT_DTYPE or cloud.ndim != 1:
         raise ValueError(f"expected a cloud (N,) of POINT_DTYPE, got {cloud.shape} of {cloud.dtype}")
@@ -51,19 +52,19 @@ def cloud_to_cdr(cloud: Cloud, stamp_ns: int, frame_id: str) -> bytes:
     )
     data = cloud.tobytes()
     empty = _point_cloud2(len(cloud), stamp_ns, frame_id, is_dense)
-    # The message ends with the points' length, the points and is_dense: put the points in between.
+    # The message ends with the length of the points, the points and is_dense: insert the points.
     prefix, suffix = empty[: -(_LENGTH.size + 1)], empty[-1:]
     return b"".join((prefix, _LENGTH.pack(len(data)), data, suffix))
 
 
 def cloud_from_cdr(cdr: bytes) -> StampedCloud:
-    """The points of a serialised sensor_msgs/PointCloud2: N = height * width, row by row.
+    """Read the points (N,) of a serialised sensor_msgs/PointCloud2: N = height * width, row by row.
 
     In advpipe's own layout the cloud is a read-only view of `cdr`, without a copy. In any other layout
-    (CARLA's 16 bytes, Ouster's 48, big-endian numbers, ...) the fields are found by name
-    and copied; `intensity`, `ring` and `time` are zero where the sensor gives none, and intensities keep the
-    sensor's scale. Points that are not finite stay in the cloud. Raises AdvpipeError where sizes or fields
-    do not fit the message.
+    (CARLA's 16 bytes, Ouster's 48, big-endian numbers, ...) the fields are found by name and copied;
+    `intensity`, `ring` and `time` are zero where the message lacks them, and intensities keep the sensor's
+    scale. Points that are not finite stay in the cloud. Raises AdvpipeError if sizes or fields do not fit the
+    message.
     """
     layout = _parse(cdr)
     if layout.point_dtype == POINT_DTYPE and layout.row_bytes == layout.width * POINT_DTYPE.itemsize:
@@ -89,7 +90,7 @@ _OWN_FIELD_TYPES = {"f4": 7, "u2": 4}
 
 
 def _point_cloud2(points: int, stamp_ns: int, frame_id: str, is_dense: bool) -> bytes:
-    """A serialised PointCloud2 that announces `points` points and holds none."""
+    """A serialised PointCloud2 whose header declares `points` points, but without their data."""
     PointField = message_class("sensor_msgs/msg/PointField")
     fields = []
     for name in POINT_DTYPE.names or ():
@@ -111,7 +112,7 @@ def _point_cloud2(points: int, stamp_ns: int, frame_id: str, is_dense: bool) -> 
 
 
 class _Cursor:
-    """Reads little-endian CDR; positions are aligned to the end of the encapsulation header."""
+    """A reader of little-endian CDR; alignment is counted from the end of the encapsulation header."""
 
     def __init__(self, cdr: bytes) -> None:
         self.cdr, self.position = cdr, 4
@@ -170,7 +171,7 @@ def _parse_fields(cdr: bytes) -> _Layout:
             "names": names,
             "formats": [order + fields[name][0] for name in names],
             "offsets": [fields[name][1] for name in names],
-            "itemsize": point_bytes,  # numpy refuses a field that ends behind it
+            "itemsize": point_bytes,  # numpy refuses a field that ends beyond it
         }
     )
     stamp_ns = seconds * build.NS_PER_S + nanoseconds

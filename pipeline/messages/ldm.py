@@ -1,4 +1,4 @@
-"""Messages of a Local Dynamic Map: advpipe's own, and a mirror of a type that every ROS 2 knows."""
+"""Messages of a Local Dynamic Map (LDM): advpipe's own type, and the same objects in a standard type."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ CLASS_OF_STATION_TYPE = {
     StationType.HEAVY_TRUCK: "truck",
     StationType.TRAILER: "truck",
 }
-"""Classes as in the ground truth; other station types are unknown."""
-_CLASS_OF_NUMBER = {int(kind): name for kind, name in CLASS_OF_STATION_TYPE.items()}
+"""The ground truth's class of each station type; other station types have the class "unknown"."""
+_CLASS_OF_NUMBER = {int(station_type): name for station_type, name in CLASS_OF_STATION_TYPE.items()}
 _NO_COVARIANCE = bytes(36 * 8)
 
 
 def class_of(station_type: int) -> str:
-    """The class of ETSI's stationType, any number."""
+    """The class name of an ETSI stationType; "unknown" for any number without a class."""
     return _CLASS_OF_NUMBER.get(station_type, UNKNOWN_CLASS)
 
 
@@ -45,8 +45,8 @@ def ldm_snapshot_cdr(snapshot: LdmSnapshot, frame_id: str = "map") -> bytes:
 def ldm_detections_cdr(snapshot: LdmSnapshot, frame_id: str = "map") -> bytes:
     """vision_msgs/Detection3DArray, serialised.
 
-    Ids are station ids, scores 1, sizes 0 where a CAM does not state them. No CAM states a height: boxes are
-    flat and lie on the ground.
+    Ids are station ids, scores are 1, and sizes are 0 where a CAM does not state them. CAMs never state a
+    height, so boxes have height 0 and lie on the ground.
     """
     cdr = Cdr()
     cdr.header(snapshot.time_ns, frame_id)
@@ -71,15 +71,15 @@ def _add_object(cdr: Cdr, entry: Entry, age_s: float) -> None:
 
 def _add_detection(cdr: Cdr, report: LdmReport) -> None:
     """vision_msgs/Detection3D without its header: one hypothesis, the box, the id."""
-    half_yaw = _known(report.yaw_rad) / 2
+    half_yaw = _finite_or_zero(report.yaw_rad) / 2
     pose = (*report.centre_m, 0.0, 0.0, math.sin(half_yaw), math.cos(half_yaw))
     cdr.uint32(1)
     cdr.string(class_of(report.station_type))
     cdr.float64(1.0, *pose)
     cdr.body += _NO_COVARIANCE
-    cdr.float64(*pose, _known(report.length_m), _known(report.width_m), 0.0)
+    cdr.float64(*pose, _finite_or_zero(report.length_m), _finite_or_zero(report.width_m), 0.0)
     cdr.string(str(report.station_id))
 
 
-def _known(value: float) -> float:
+def _finite_or_zero(value: float) -> float:
     return value if math.isfinite(value) else 0.0

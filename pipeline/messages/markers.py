@@ -1,4 +1,4 @@
-"""Boxes and lanes as visualization_msgs/MarkerArray: the one scene type that RViz and Foxglove both draw."""
+"""Boxes and lanes as visualization_msgs/MarkerArray, which both RViz and Foxglove draw."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ LANE_GREY = 0.5
 OPACITY = 0.5
 
 Lane = tuple[Float64, float]
-"""The middle (K, 3) of a lane in the driving direction, in the map's frame, and its width, all in metres."""
+"""The centre line (K, 3) of a lane in the driving direction, in the map frame, and its width, in metres."""
 
 
 def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
-    """One cube for each box in that frame, coloured by class, after a marker that clears the old ones."""
+    """One cube for each box in the frame `frame_id`, coloured by class, and a marker that clears old ones."""
     Marker = message_class("visualization_msgs/msg/Marker")
     clear = _marker(stamp_ns, frame_id, action=Marker.DELETEALL)
     cubes = [
@@ -48,7 +48,7 @@ def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
 
 
 def lane_markers(stamp_ns: int, frame_id: str, lanes: Sequence[Lane]) -> Any:
-    """One line for each lane along its middle, as wide as the lane."""
+    """One line for each lane along its centre line, as wide as the lane."""
     Marker, Point = message_class("visualization_msgs/msg/Marker"), message_class("geometry_msgs/msg/Point")
     lines = [
         _marker(
@@ -60,15 +60,15 @@ def lane_markers(stamp_ns: int, frame_id: str, lanes: Sequence[Lane]) -> Any:
             id=number,
             scale=vector3([width_m, 0, 0]),
             color=_colour((LANE_GREY,) * 3),
-            points=[Point(x=x, y=y, z=z) for x, y, z in middle_m.tolist()],
+            points=[Point(x=x, y=y, z=z) for x, y, z in centre_line_m.tolist()],
         )
-        for number, (middle_m, width_m) in enumerate(lanes)
+        for number, (centre_line_m, width_m) in enumerate(lanes)
     ]
     return message_class("visualization_msgs/msg/MarkerArray")(markers=lines)
 
 
 def lanes_of_markers(message: Any) -> Iterable[Lane]:
-    """The lanes that `lane_markers` made a message of."""
+    """The lanes in a message of `lane_markers`."""
     for marker in message.markers:
         yield np.array([[p.x, p.y, p.z] for p in marker.points]).reshape(-1, 3), float(marker.scale.x)
 
@@ -86,7 +86,7 @@ def _marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
 
 @cache
 def _defaults() -> dict[str, Any]:
-    """What no marker of ours uses; made once, since there are many markers."""
+    """The fields that advpipe's markers leave at their defaults; made once, since there are many markers."""
     empty_image = message_class("sensor_msgs/msg/CompressedImage")(
         header=message_header(0, ""), format="", data=np.zeros(0, np.uint8)
     )

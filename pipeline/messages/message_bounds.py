@@ -1,7 +1,6 @@
-"""What messages must hold to be computed with: our topics' types, finite numbers, rotations, short names.
+"""Checks untrusted messages before their values are used: types of topics, finite numbers, rotations, names.
 
-Anybody may have written them. A type that is not listed here is not computed with, or by readers of its own
-(`cloud.py`).
+Types that are not listed here are not used in computations, or have their own bounded reader (`cloud.py`).
 """
 
 from __future__ import annotations
@@ -23,15 +22,15 @@ from advpipe.pipeline.v2x.codec.btp import HEADER_BYTES
 
 LONGEST_NAME = 255
 FARTHEST_M = 1e7
-"""From the map's origin; the Earth's circumference has four times as much."""
+"""Largest distance from the map's origin: a quarter of the Earth's circumference."""
 FASTEST = 1e5
-"""In m/s and rad/s, m/s² likewise."""
+"""Largest speed in m/s, angular rate in rad/s and acceleration in m/s²."""
 LARGEST_M = 1e4
-"""Of a road user's box."""
+"""Largest dimension of a road user's box."""
 MOST_PAYLOAD_BYTES = 1 << 16
 _STRONGEST_DBM = 200.0
 LATEST_NS = ((1 << 31) - 86_400) * 1_000_000_000
-"""A day before ROS time stamps end, in January 2038: attacks stamp what they make from log times on."""
+"""One day before ROS time stamps end, in January 2038: attacks add delays to log times."""
 
 _TYPES = {
     topic.name: topic.type
@@ -42,7 +41,7 @@ Problems = Iterator[str]
 
 
 def implausibility(topic: str, type_name: str, message: Any) -> str:
-    """What is wrong with a decoded message, as the end of a sentence about it; "" for one that is sound."""
+    """The first problem of a decoded message, as the predicate of a sentence about it; "" if none."""
     expected = _TYPES.get(topic, type_name)
     if type_name != expected:
         return f"is a {type_name}, not a {expected}"
@@ -52,12 +51,12 @@ def implausibility(topic: str, type_name: str, message: Any) -> str:
     try:
         return next(check(message), "")
     except (AttributeError, TypeError, ValueError, ArithmeticError) as error:
-        return f"cannot be understood: {error}"
+        return f"cannot be interpreted: {error}"
 
 
 def _finite(values: Iterable[float], limit: float, name: str) -> Problems:
     for value in values:
-        if not abs(value) <= limit:  # nor NaN
+        if not abs(value) <= limit:  # NaN is refused, too
             yield f"has {name} {value:g}; at most {limit:g} is accepted"
 
 
@@ -78,10 +77,10 @@ def _xyz(vector: Any) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
 
 
-def _rotation(turn: Any) -> Problems:
-    length = math.sqrt(sum(part * part for part in (turn.x, turn.y, turn.z, turn.w)))
-    if not 1e-6 < length < 1e6:  # nor NaN
-        yield f"has the orientation {turn.x:g}, {turn.y:g}, {turn.z:g}, {turn.w:g}, which is not a rotation"
+def _rotation(q: Any) -> Problems:
+    length = math.sqrt(sum(part * part for part in (q.x, q.y, q.z, q.w)))
+    if not 1e-6 < length < 1e6:  # NaN is refused, too
+        yield f"has the orientation {q.x:g}, {q.y:g}, {q.z:g}, {q.w:g}, which is not a rotation"
 
 
 def _pose(pose: Any) -> Problems:
@@ -126,7 +125,7 @@ def _packet(message: Any) -> Problems:
 
 
 def _reception_info(message: Any) -> Problems:
-    """NaN stands for a value that is not recorded."""
+    """Check power and SINR; NaN stands for a value that is not recorded."""
     yield from _header(message.header)
     recorded = (value for value in (message.power_dbm, message.sinr_db) if not math.isnan(value))
     yield from _finite(recorded, _STRONGEST_DBM, "the power or SINR")
@@ -167,13 +166,13 @@ def _imu(message: Any) -> Problems:
 
 
 def _fix(message: Any) -> Problems:
-    """A place that is not finite is none, as receivers have it that see no satellites."""
+    """Check a fix; a position that is not finite is allowed, as from receivers without satellites."""
     yield from _header(message.header)
-    place = (message.latitude, message.longitude, message.altitude)
-    if all(map(math.isfinite, place)):
-        yield from _finite(place[:1], 90.0, "the latitude")
-        yield from _finite(place[1:2], 360.0, "the longitude")
-        yield from _finite(place[2:], FARTHEST_M, "the altitude")
+    position = (message.latitude, message.longitude, message.altitude)
+    if all(map(math.isfinite, position)):
+        yield from _finite(position[:1], 90.0, "the latitude")
+        yield from _finite(position[1:2], 360.0, "the longitude")
+        yield from _finite(position[2:], FARTHEST_M, "the altitude")
         yield from _finite(message.position_covariance.tolist(), FARTHEST_M**2, "the covariance")
 
 
@@ -184,8 +183,8 @@ def _detections(message: Any) -> Problems:
         for result in detection.results:
             yield from _name(result.hypothesis.class_id, "class")
         yield from _finite(_xyz(detection.bbox.center.position), FARTHEST_M, "the position")
-        turn = detection.bbox.center.orientation
-        yield from _finite((turn.x, turn.y, turn.z, turn.w), 1e6, "the orientation")
+        q = detection.bbox.center.orientation
+        yield from _finite((q.x, q.y, q.z, q.w), 1e6, "the orientation")
         yield from _size(detection.bbox.size)
 
 

@@ -24,7 +24,7 @@ LDM_OBJECTS = "ldm/objects"
 
 
 def is_truth(topic_name: str) -> bool:
-    """Whether boxes on a topic may be the truth; what a vehicle learned by radio is not."""
+    """Whether boxes on a topic may be ground truth; the objects of a Local Dynamic Map are not."""
     return not topic_name.endswith(f"/{LDM_OBJECTS}")
 
 
@@ -48,7 +48,7 @@ class VehicleTopics:
         return self.sensor_frame(self.lidar)
 
     def sensor_frame(self, name: str) -> str:
-        """That of one of its mounted sensors."""
+        """The frame of one of its mounted sensors."""
         return f"{self.vehicle}/{name}"
 
     @property
@@ -57,7 +57,7 @@ class VehicleTopics:
 
     @property
     def odom_frame(self) -> str:
-        """Where the wheels' odometry starts."""
+        """The frame in which wheel odometry starts."""
         return f"{self.vehicle}/odom"
 
     @property
@@ -78,12 +78,12 @@ class VehicleTopics:
 
     @property
     def odometry(self) -> Topic:
-        """The on-board estimate."""
+        """The pose estimated on board."""
         return Topic(f"/{self.vehicle}/odometry", "nav_msgs/msg/Odometry")
 
     @property
     def initial_pose(self) -> Topic:
-        """What the on-board estimate starts from."""
+        """The initial pose of the on-board estimate."""
         return Topic(
             f"/{self.vehicle}/initialpose",
             "geometry_msgs/msg/PoseWithCovarianceStamped",
@@ -100,7 +100,7 @@ class VehicleTopics:
 
     @property
     def sent_raw(self) -> Topic:
-        """What it sends: the bytes of its CAMs."""
+        """The messages that it sends, as bytes."""
         return Topic(f"/{self.vehicle}/v2x/tx/raw", "udp_msgs/msg/UdpPacket", keep_last(100))
 
     @property
@@ -109,7 +109,7 @@ class VehicleTopics:
 
     @property
     def received_raw(self) -> Topic:
-        """What it receives: the bytes, also of what turns out to be no CAM."""
+        """The messages that it receives, as bytes, including those that are not valid CAMs."""
         return Topic(f"/{self.vehicle}/v2x/rx/raw", "udp_msgs/msg/UdpPacket", keep_last(100))
 
     @property
@@ -118,12 +118,12 @@ class VehicleTopics:
 
     @property
     def reception_info(self) -> Topic:
-        """How it receives each of these: what its radio may know."""
+        """Power and SINR of each received message, as its radio measures them."""
         return Topic(f"/{self.vehicle}/v2x/rx/info", "advpipe_msgs/msg/V2xReceptionInfo", keep_last(100))
 
     @property
     def true_receptions(self) -> Topic:
-        """Which sent message each of these truly is: no vehicle knows."""
+        """Which sent message each received message truly is; this is ground truth, which no vehicle knows."""
         return Topic(
             f"/{self.vehicle}/ground_truth/receptions", "advpipe_msgs/msg/V2xReception", keep_last(100)
         )

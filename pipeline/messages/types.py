@@ -1,4 +1,4 @@
-"""Message types: ROS 2 Humble's, with those of CAMs, vision_msgs, udp_msgs and advpipe_msgs beside them."""
+"""Message types: those of ROS 2 Humble, and those of CAMs, vision_msgs, udp_msgs and advpipe_msgs."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpi
 _LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 _CAM_PACKAGE = "etsi_its_cam_msgs/"
 
-_IDL_WORDS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
-"""Texts and comments of IDL."""
+_IDL_STRINGS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+"""Strings and comments of IDL."""
 
 _ANNOTATION = re.compile(r"@[\w:]+\s*\(")
 UNROLLED_LIMIT = 4096
-"""The most texts and messages in a type's arrays of fixed length: rosbags writes lines of code for each."""
+"""Most strings and messages in a type's arrays of fixed length: rosbags generates code for each."""
 
 
 @cache
 def typestore() -> Typestore:
-    """Every message type that advpipe writes; read-only by convention, one for the process.
+    """All message types that advpipe writes: one store for the process, read-only by convention.
 
-    Those of CAMs join it when one of them is asked for, by any function below: that takes a moment.
+    The types of CAMs are added when a function below first needs one of them, since that takes a moment.
     """
     store = get_typestore(Stores.ROS2_HUMBLE)
     definitions = files("advpipe.pipeline.messages.msgs")
@@ -42,32 +42,35 @@ def typestore() -> Typestore:
 
 @cache
 def message_class(type_name: str) -> Any:
-    """The dataclass of a type, e.g. `message_class("std_msgs/msg/Header")`."""
+    """The dataclass of a ROS 2 type, such as `message_class("std_msgs/msg/Header")`.
+
+    Raises KeyError for a type that neither ROS 2 Humble's common packages nor advpipe's own define.
+    """
     return _store_of(type_name).types[type_name]
 
 
 @cache
 def schema_text(type_name: str) -> str:
-    """The definition of a type and all types inside it, as MCAP's `ros2msg` schemas hold it."""
+    """The definition of a type and of all types inside it, as in a `ros2msg` schema of MCAP."""
     return _store_of(type_name).generate_msgdef(type_name, ros_version=2)[0]
 
 
 @cache
 def type_hash(type_name: str) -> str:
-    """The RIHS01 hash (REP-2011) by which ROS 2 tells two types of one name apart."""
+    """The RIHS01 hash (REP-2011) by which ROS 2 distinguishes two types of the same name."""
     return _store_of(type_name).hash_rihs01(type_name)
 
 
 def types_from(definition: str, encoding: str, type_name: str) -> Typesdict:
-    """The types that a bag defines, by name; encoding: `ros2msg` or `ros2idl`.
+    """Parse the types that a bag defines, by name; encoding: `ros2msg` or `ros2idl`.
 
-    Raises ValueError for arrays that are too long to become code, for empty ones, of which a message of no
-    bytes holds any number, and whatever rosbags does for other texts.
+    Raises ValueError for arrays that are too long to generate code for and for empty arrays (any number of
+    them fits into an empty message), and the exceptions of rosbags for an invalid definition.
     """
     is_idl = encoding == "ros2idl"
     if is_idl:
-        words = _IDL_WORDS.sub("", definition)
-        if words.count("(") > len(_ANNOTATION.findall(words)):  # rosbags takes minutes to read two such
+        code = _IDL_STRINGS.sub("", definition)
+        if code.count("(") > len(_ANNOTATION.findall(code)):  # rosbags takes minutes to parse two of them
             raise ValueError(f"the definition of {type_name} has sums in parentheses")
     types = get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, type_name)
     unrolled = 0
@@ -84,22 +87,23 @@ def types_from(definition: str, encoding: str, type_name: str) -> Typesdict:
 
 
 def missing_field(store: Typestore, type_name: str) -> str:
-    """The first field of one of our types, or of a type inside it, that another store defines otherwise.
+    """The first field of an advpipe type, or of a type inside it, that another store defines differently.
 
-    "" where the store's type has all of ours; it may have more.
+    "" if the store's type has all fields of advpipe's type; it may have more.
     """
-    theirs = dict(store.fielddefs[type_name][1])
+    store_fields = dict(store.fielddefs[type_name][1])
     for name, description in typestore().fielddefs[type_name][1]:
-        if theirs.get(name) != description:
+        if store_fields.get(name) != description:
             return f"{type_name}.{name}"
-        item: Any = description[1][0] if description[0] in _LISTS else description  # kind, and its name
+        item: Any = description[1][0] if description[0] in _LISTS else description  # node type and its name
         if item[0] == Nodetype.NAME and (found := missing_field(store, item[1])):
             return found
     return ""
 
 
 def serialise(message: object, type_name: str) -> bytes:
-    """The message in little-endian CDR, with its four bytes of encapsulation."""
+    """The message, an instance of `message_class(type_name)`, in little-endian CDR with its header of four
+    bytes."""
     return bytes(_store_of(type_name).serialize_cdr(message, type_name))
 
 

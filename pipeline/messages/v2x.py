@@ -1,6 +1,6 @@
-"""Messages of a drive's V2X: where the radios were, what each of them sent, and what one vehicle heard.
+"""V2X messages of a drive: the positions of the radios, the transmissions, and the receptions of a vehicle.
 
-Written field by field: there are some hundred a step.
+They are written field by field, since there are some hundred in each step.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from advpipe.pipeline.v2x.section import V2x
 
 
 class RadioPlace(NamedTuple):
-    """A radio on the road: its vehicle's pose on the ground (4, 4), size (3,) and velocity (3,)."""
+    """A radio on the road, with its vehicle's pose on the ground (4, 4), size (3,) and velocity (3,)."""
 
     station_id: int
     vehicle: str
@@ -36,14 +36,14 @@ class RadioPlace(NamedTuple):
 
 
 def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
-    """The radios as the medium knows them, their antennas above their vehicles' middles."""
+    """The stations for the radio medium, with their antennas above the centres of their vehicles."""
     ids = np.array([place.station_id for place in places], np.int64)
     poses = np.concatenate([np.empty((0, 4)), *(place.map_SE3_base for place in places)]).reshape(-1, 4, 4)
     return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m))
 
 
 def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: str = "map") -> StampedCdr:
-    """advpipe_msgs/V2xStationArray."""
+    """advpipe_msgs/V2xStationArray, serialised, with its topic and stamp."""
     cdr = Cdr()
     cdr.header(stamp_ns, frame_id)
     cdr.uint32(len(stations))
@@ -61,7 +61,7 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
 
 
 def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
-    """The radios in a recorded message; their positions to the bit."""
+    """The radios in a recorded message; their positions are exact."""
     poses = build.se3_from_poses([station.pose for station in message.stations])
     return tuple(
         RadioPlace(
@@ -76,7 +76,7 @@ def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
 
 
 def sent_message(sent: Sent) -> StampedCdr:
-    """advpipe_msgs/V2xTransmission."""
+    """advpipe_msgs/V2xTransmission, serialised, with its topic and stamp."""
     cdr = Cdr()
     cdr.header(sent.request_ns, "")
     cdr.uint64(sent.number)
@@ -100,7 +100,7 @@ def sent_of_message(message: Any) -> Sent:
 
 
 def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
-    """What a vehicle sends, as its own radio shows it: bytes, and values where they are a CAM's."""
+    """Yield the messages for a vehicle's own transmission: its bytes, and its values if it is a CAM."""
     try:
         tree = decode_cam_tree(sent.payload)
     except CamError:
@@ -109,8 +109,8 @@ def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
 
 
 def received_messages(received: Received) -> Iterator[StampedCdr]:
-    """What a vehicle receives: the bytes, how they arrived and what they truly were always, the values where
-    they are a CAM's."""
+    """Yield the messages for one reception: its bytes, its values if it is a CAM, its power and SINR, and the
+    true transmission."""
     raw, cam, info, truth = _topics_received(received.listener)
     yield from _packet(raw, cam, received.sent.payload, received.tree, received.arrival_ns)
     yield info, _reception_info_cdr(received), received.arrival_ns
@@ -141,7 +141,7 @@ def _reception_cdr(received: Received) -> bytes:
 
 
 def udp_packet_cdr(stamp_ns: int, payload: bytes) -> bytes:
-    """udp_msgs/UdpPacket, serialised, as the etsi_its_conversion node takes it: BTP-B, then the CAM."""
+    """udp_msgs/UdpPacket, serialised, as the etsi_its_conversion node reads it: BTP-B, then the CAM."""
     cdr = Cdr()
     cdr.header(stamp_ns, "")
     cdr.string("")
@@ -157,6 +157,6 @@ def _packet(
     if tree is not None:
         try:
             values = cam_cdr(tree)
-        except CamError:  # a CAM, with a value that this release's message has no room for
+        except CamError:  # a CAM of a later release, with a value that the message cannot hold
             return
         yield cam, values, stamp_ns

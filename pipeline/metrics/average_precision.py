@@ -39,7 +39,7 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class RecallPositions:
-    """The recalls 1/steps, 2/steps, ... 1, and recall 0 where asked for, at which precision is read."""
+    """The recalls at which precision is read: 1/steps, 2/steps, ... 1, and with `with_zero` also 0."""
 
     steps: int
     with_zero: bool = False
@@ -50,19 +50,19 @@ class RecallPositions:
 
 
 R40 = RecallPositions(40)
-"""Simonelli et al., ICCV 2019: what KITTI ranks by since then."""
+"""40 recall positions (Simonelli et al., ICCV 2019), by which KITTI has ranked since 2019."""
 
 R11 = RecallPositions(10, with_zero=True)
-"""PASCAL VOC 2007 (Everingham et al., IJCV 2010, section 4.2), and KITTI before 2019."""
+"""11 recall positions: PASCAL VOC 2007 (Everingham et al., IJCV 2010, section 4.2) and KITTI before 2019."""
 
 
 @dataclass(frozen=True)
 class RankedMatches:
     """The matches of one class in F frames, sorted once by score.
 
-    scores, is_true_positive: (D,) of the detections that count, best first.
-    frame: (D,) int64, the frame of each.
-    n_truth: (F,) int64, how many objects there are to find.
+    scores, is_true_positive: (D,), for the detections that are not ignored, best first.
+    frame: (D,) int64, the frame of each detection.
+    n_truth: (F,) int64, number of evaluated ground-truth objects in each frame.
     """
 
     scores: Float64
@@ -72,6 +72,7 @@ class RankedMatches:
 
     @classmethod
     def of(cls, frames: Sequence[FrameMatches] | MatchTable) -> RankedMatches:
+        """Sort the matches of one class in several frames."""
         table = frames if isinstance(frames, MatchTable) else MatchTable.of(frames)
         counted = np.flatnonzero(~table.matches.is_ignored)
         order = counted[np.argsort(-table.matches.scores[counted], kind="stable")]
@@ -84,11 +85,11 @@ class RankedMatches:
 
     @cached_property
     def _threshold(self) -> Int64:
-        """(G,) the last detection of each group of equal scores: no threshold cuts a group."""
+        """(G,) the last detection of each group of equal scores, since no threshold divides a group."""
         return np.flatnonzero(np.append(self.scores[1:] != self.scores[:-1], True)[: len(self.scores)])
 
     def curve(self) -> tuple[Int64, Int64, int]:
-        """True positives (G,) and detections (G,) at each score threshold, and the objects to find."""
+        """True positives (G,) and detections (G,) at each score threshold, and the number of objects."""
         found = np.cumsum(self.is_true_positive, dtype=np.int64)[self._threshold]
         return found, self._threshold + 1, int(self.n_truth.sum())
 
@@ -98,13 +99,13 @@ class RankedMatches:
         return found / max(n_truth, 1), found / detected
 
     def average_precision(self, weights: Int64 | None = None, positions: RecallPositions = R40) -> float:
-        """Average precision in [0, 1]; NaN if there is nothing to find.
+        """Average precision in [0, 1]; NaN if there are no ground-truth objects.
 
-        weights: (F,) how often each frame counts; once if not given.
+        weights: (F,), how often each frame is counted; by default once.
 
-        The mean, over the recall positions, of the best precision at that recall or a higher one
-        (Simonelli et al., ICCV 2019, Eq. 7; precision is taken at every score, where KITTI's own
-        program samples it).
+        It is the mean, over the recall positions, of the highest precision at that recall or a higher one
+        (Simonelli et al., ICCV 2019, Eq. 7). Precision is computed at every score, while KITTI's program
+        samples the scores.
         """
         frames = len(self.n_truth)
         if weights is None:
@@ -116,7 +117,7 @@ class RankedMatches:
     ) -> Float64:
         """The average precision (W,) of each of W draws of the frames.
 
-        times: (W, B) how often each block of frames stands in each draw. block: (F,) of each frame.
+        times: (W, B), how often each draw contains each block of frames. block: (F,), the frame's block.
         """
         times = np.asarray(times, dtype=np.float64)
         found, detected = self._by_block(block, times.shape[1])
@@ -130,24 +131,24 @@ class RankedMatches:
         return np.concatenate([np.zeros(0), *parts])
 
     def _by_block(self, block: Int64, n_blocks: int) -> tuple[Float64, Float64]:
-        """True positives and detections (T, B) of each block down to each threshold that finds something.
+        """True positives and detections (T, B) of each block down to each threshold with a new true positive.
 
-        Between them precision only falls. Sums of whole numbers are exact in any order, so that no
-        number of threads changes a bit.
+        Between these thresholds precision only falls. Sums of whole numbers are exact in any order, so the
+        result does not depend on the number of threads.
         """
         found = np.cumsum(self.is_true_positive)[self._threshold]
         useful = self._threshold[np.diff(found, prepend=0) > 0]
         segment = np.searchsorted(useful, np.arange(len(self.scores)))
         cell = segment * n_blocks + block[self.frame]
-        shape = (len(useful) + 1, n_blocks)  # what follows the last true positive is dropped
+        shape = (len(useful) + 1, n_blocks)  # detections after the last true positive are dropped
         detected = np.bincount(cell, minlength=shape[0] * n_blocks).reshape(shape)[:-1]
         hits = np.bincount(cell, self.is_true_positive, minlength=shape[0] * n_blocks).reshape(shape)[:-1]
         return np.cumsum(hits, axis=0, dtype=np.float64), np.cumsum(detected, axis=0, dtype=np.float64)
 
     def best_f1_score(self) -> float:
-        """The score threshold with the best F1, a natural working point; 0 without detections.
+        """The score threshold with the best F1, a natural operating point; 0 without detections.
 
-        Half-way between the lowest score that is kept and the next one, or 0.
+        It is half-way between the lowest score that is kept and the next lower one (or 0).
         """
         found, detected, n_truth = self.curve()
         if not len(found):
@@ -163,7 +164,7 @@ def _interpolated(found: Float64, detected: Float64, n_truth: Float64, positions
         return np.where(n_truth > 0, 0.0, np.nan)
     precision = found / np.maximum(detected, 1)
     envelope = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
-    # A quotient of whole numbers that is whole comes out exactly: no position is missed by rounding.
+    # A quotient of whole numbers is exact if it is whole, so rounding never misses a recall position.
     reached = np.floor(found * positions.steps / np.maximum(n_truth, 1)[:, None]) + positions.with_zero
     total = (np.diff(reached, axis=1, prepend=0) * envelope).sum(axis=1)
     return np.where(n_truth > 0, total / positions.count, np.nan)
@@ -175,9 +176,9 @@ def average_precision(frames: Sequence[FrameMatches]) -> float:
 
 
 def mean_average_precision(values: npt.ArrayLike) -> Float64:
-    """The mean over the first axis, the classes, of average precisions (C, ...).
+    """The mean of average precisions (C, ...) over the classes, the first axis.
 
-    A class with nothing to find, NaN, is left out; NaN where all are.
+    Classes without ground-truth objects (NaN) are left out; NaN if all are.
     """
     array = np.asarray(values, dtype=np.float64)
     defined = np.isfinite(array)

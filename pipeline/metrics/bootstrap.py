@@ -1,7 +1,7 @@
-"""Confidence intervals for figures of a drive, by a paired bootstrap over blocks of time.
+"""Confidence intervals for metrics of a drive, by a paired bootstrap over blocks of time.
 
-Neighbouring frames show nearly the same scene, so single frames are no independent draws; blocks of
-at least 5 s are drawn instead. The same draw weighs the clean, the attacked and the baseline frames.
+Neighbouring frames show nearly the same scene, so single frames are not independent; blocks of at least 5 s
+are drawn instead. Each draw applies to the clean, the attacked and the baseline frames alike.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ MIN_BLOCK_S = 5.0
 
 
 def time_blocks(stamps_ns: npt.ArrayLike, min_block_s: float = MIN_BLOCK_S) -> list[Int64]:
-    """Frames, given by their rising stamps (F,), cut into blocks of at least `min_block_s`.
+    """Divide frames, given by ascending stamps (F,) in ns, into blocks of at least `min_block_s`.
 
-    A block takes frames until one is `min_block_s` or more after its first. A rest that is too
-    short joins the block before it. The last frame lasts as long as the median one.
+    A block ends before the first frame that is `min_block_s` or more after its start. A remainder that is too
+    short is added to the previous block. The last frame's duration is the median frame's. Returns the indices
+    of the frames of each block.
     """
     stamps = np.asarray(stamps_ns, dtype=np.int64)
     if not len(stamps):
@@ -40,9 +41,9 @@ def time_blocks(stamps_ns: npt.ArrayLike, min_block_s: float = MIN_BLOCK_S) -> l
 
 @dataclass(frozen=True)
 class BlockBootstrap:
-    """Draws of blocks with replacement; none where there are fewer than two blocks.
+    """Draws of blocks with replacement; there are none if there are fewer than two blocks.
 
-    times: (draws, B) int64, how often each block stands in each draw. block: (F,) int64, of each frame.
+    times: (draws, B) int64, how often each draw contains each block. block: (F,) int64, each frame's block.
     """
 
     times: Int64
@@ -56,6 +57,7 @@ class BlockBootstrap:
         rng: np.random.Generator,
         min_block_s: float = MIN_BLOCK_S,
     ) -> BlockBootstrap:
+        """Draw the blocks of frames with these ascending stamps (F,) in ns."""
         blocks = time_blocks(stamps_ns, min_block_s)
         n = len(blocks)
         block = np.repeat(np.arange(n), [len(each) for each in blocks])
@@ -71,20 +73,20 @@ class BlockBootstrap:
 
     @property
     def weights(self) -> Int64:
-        """How often each frame stands in each draw: (draws, F)."""
+        """How often each draw contains each frame: (draws, F)."""
         return self.times[:, self.block]
 
     def samples(self, statistic: Callable[[Int64], Float64]) -> Float64:
         """The statistic (draws,) of all draws.
 
-        statistic: of W draws, given as `times` (W, B), to (W,). Draws that are alike are computed once.
+        statistic: maps the `times` (W, B) of W draws to (W,). It is computed once for equal draws.
         """
-        distinct, place = np.unique(self.times, axis=0, return_inverse=True)
-        return statistic(distinct)[place.reshape(-1)] if len(distinct) else np.zeros(0)
+        distinct, row = np.unique(self.times, axis=0, return_inverse=True)
+        return statistic(distinct)[row.reshape(-1)] if len(distinct) else np.zeros(0)
 
 
 def percentile_interval(samples: Float64, level: float = 0.95) -> tuple[float, float] | None:
-    """The central interval of the samples that are defined; None if none is."""
+    """The central interval that contains the share `level` of the finite samples; None if none is finite."""
     defined = samples[np.isfinite(samples)]
     if not len(defined):
         return None

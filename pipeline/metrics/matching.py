@@ -1,8 +1,8 @@
-"""Which detection finds which object: greedy by descending score, as KITTI and PASCAL VOC match.
+"""Matches detections with ground truth: greedily by descending score, as KITTI and PASCAL VOC do.
 
 A frame and a class are matched once. The matching does not depend on a score threshold, so the average
-precision of any collection of frames, such as a bootstrap draw, follows from the stored matches; and
-that of a part of the objects, such as the near ones, from `MatchTable.within`.
+precision of any selection of frames, such as a bootstrap draw, follows from the stored matches. For a
+selection of objects, such as near ones, use `MatchTable.within`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Bool = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class FrameMatches:
-    """What became of the detections and the ground truth of one class in one frame.
+    """The matches of K detections with M ground-truth objects of one class in one frame.
 
-    scores: (K,) float64, one a detection.
+    scores: (K,) float64, the score of each detection.
     is_true_positive, is_ignored: (K,) bool; a detection that is neither is a false positive.
-    found_by: (M,) int64, the detection that a ground truth was matched to, -1 for none.
-    is_evaluated: (M,) bool; ground truth that is not evaluated counts for nothing.
+    found_by: (M,) int64, the detection that each object was matched to, -1 for none.
+    is_evaluated: (M,) bool; objects that are not evaluated are neither found nor missed.
     """
 
     scores: Float64
@@ -38,24 +38,25 @@ class FrameMatches:
 
     @property
     def n_truth(self) -> int:
+        """The number of evaluated objects."""
         return int(self.is_evaluated.sum())
 
     @property
     def finds(self) -> Int64:
-        """The ground truth (K,) that each detection was matched to, -1 for none."""
+        """The object (K,) that each detection was matched to, -1 for none."""
         finds = np.full(len(self.scores), -1, dtype=np.int64)
         matched = np.flatnonzero(self.found_by >= 0)
         finds[self.found_by[matched]] = matched
         return finds
 
     def found(self, min_score: float = 0.0) -> Bool:
-        """Which of the ground truth (M,) is evaluated and found with at least this score."""
+        """Which objects (M,) are evaluated and found with at least this score."""
         hit = self.is_evaluated & (self.found_by >= 0)
         hit[hit] = self.scores[self.found_by[hit]] >= min_score
         return hit
 
     def is_false_positive(self, min_score: float = 0.0) -> Bool:
-        """Which of the detections (K,) have at least this score and find nothing."""
+        """Which detections (K,) are false positives with at least this score."""
         return ~self.is_true_positive & ~self.is_ignored & (self.scores >= min_score)
 
 
@@ -67,16 +68,20 @@ def match_frame(
     min_iou: float,
     iou: Callable[[Float64, Float64], Float64] = iou_3d,
 ) -> FrameMatches:
-    """Match the detections (K, 7) of one class with the ground truth (M, 7) of one frame."""
+    """Match detections (K, 7) with ground-truth boxes (M, 7) of one class in one frame.
+
+    is_evaluated: (M,) bool. scores: (K,). min_iou: overlap from which a detection matches an object. iou:
+    computes the overlaps (K, M).
+    """
     return match_overlaps(iou(detections, truth), is_evaluated, scores, min_iou)
 
 
 def match_overlaps(overlap: Float64, is_evaluated: Bool, scores: Float64, min_iou: float) -> FrameMatches:
-    """Match detections with ground truth that they overlap by (K, M).
+    """Match K detections with M ground-truth objects by their overlaps (K, M).
 
-    The best score chooses first, equal scores in the order given. A detection takes the free
-    ground truth of the highest overlap, if that is at least `min_iou`, and rather an evaluated one
-    than an ignored one. Each ground truth is taken once, so a second detection of it is a false
+    Detections are matched by descending score, and in the given order at equal scores. Each takes the object
+    with the highest overlap among those that are not yet matched and overlap by at least `min_iou`; evaluated
+    objects take precedence over others. Each object is matched once, so a second detection of it is a false
     positive.
     """
     found_by = np.full(overlap.shape[1], -1, dtype=np.int64)
@@ -87,10 +92,13 @@ def match_overlaps(overlap: Float64, is_evaluated: Bool, scores: Float64, min_io
         if not near[k]:
             continue
         free = (found_by < 0) & (overlap[k] >= min_iou)
-        for mine, fate in ((free & is_evaluated, is_true_positive), (free & ~is_evaluated, is_ignored)):
-            if mine.any():
-                found_by[np.argmax(np.where(mine, overlap[k], -1.0))] = k
-                fate[k] = True
+        for candidates, outcome in (
+            (free & is_evaluated, is_true_positive),
+            (free & ~is_evaluated, is_ignored),
+        ):
+            if candidates.any():
+                found_by[np.argmax(np.where(candidates, overlap[k], -1.0))] = k
+                outcome[k] = True
                 break
     return FrameMatches(
         np.asarray(scores, np.float64), is_true_positive, is_ignored, found_by, np.asarray(is_evaluated, bool)
@@ -99,9 +107,9 @@ def match_overlaps(overlap: Float64, is_evaluated: Bool, scores: Float64, min_io
 
 @dataclass(frozen=True)
 class MatchTable:
-    """The matches of one class in F frames, one frame after the other.
+    """The concatenated matches of one class in F frames.
 
-    matches: of all K detections and M objects, as if they were of one frame.
+    matches: of all K detections and M objects, as if they were in one frame.
     detection_frame, truth_frame: (K,) and (M,) int64, the frame of each.
     """
 
@@ -112,6 +120,7 @@ class MatchTable:
 
     @classmethod
     def of(cls, frames: Sequence[FrameMatches]) -> MatchTable:
+        """Concatenate the matches of several frames."""
         n_detections = np.array([len(frame.scores) for frame in frames], dtype=np.int64)
         n_truths = np.array([len(frame.found_by) for frame in frames], dtype=np.int64)
         truth_frame = np.repeat(np.arange(len(frames)), n_truths)
@@ -131,10 +140,10 @@ class MatchTable:
         )
 
     def within(self, truths: Bool, detections: Bool) -> MatchTable:
-        """The same matches where only some objects (M,) are evaluated, such as the near ones.
+        """The same matches with only some objects evaluated: a mask `truths` (M,), such as of near ones.
 
-        What finds another object counts no more, and what finds nothing only if it is one of
-        `detections` (K,), such as the near ones.
+        Detections of other objects are ignored. A false positive is counted only if it is in the mask
+        `detections` (K,), such as of near ones.
         """
         matches, finds = self.matches, self.matches.finds
         is_evaluated = matches.is_evaluated & truths

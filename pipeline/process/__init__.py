@@ -1,1 +1,1 @@
-"""What surrounds every command: signals, the standard streams, and how a command ends."""
+"""The environment of every command: signals, standard streams, and the end of a command."""

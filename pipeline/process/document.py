@@ -1,4 +1,4 @@
-"""A command's result as one JSON document that any parser reads."""
+"""Writes a command's result as one strict JSON document."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import Any
 
 
 def strict_json(document: Mapping[str, Any]) -> str:
-    """JSON in ASCII: null for what is no finite number, names that are not UTF-8 with escapes.
+    """JSON in ASCII: null for a number that is not finite, escapes for names that are not UTF-8.
+
+    Raises TypeError for a value that JSON cannot hold.
 
     >>> print(strict_json({"path": Path("a"), "ratio": math.nan}))
     {
@@ -20,11 +22,14 @@ def strict_json(document: Mapping[str, Any]) -> str:
     }
     """
     text = json.dumps(plain_document(document), indent=2, allow_nan=False)
-    return text.replace("\x7f", "\\u007f")  # the one control character that json leaves as it is
+    return text.replace("\x7f", "\\u007f")  # the one control character that json does not escape
 
 
 def plain_document(value: Any) -> Any:
-    """The value with nothing but what JSON has: dataclasses, paths and numpy's numbers are turned into it."""
+    """Convert dataclasses, paths and numpy's numbers to the types that JSON has.
+
+    Raises TypeError for any other type.
+    """
     if is_dataclass(value) and not isinstance(value, type):
         return {one.name: plain_document(getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""The working folder, which may have been deleted: then only absolute paths mean anything."""
+"""The working directory, which may have been deleted: then only absolute paths are valid."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
 
-_is_gone = False
+_is_deleted = False
 
 
 def leave_deleted_folder() -> None:
-    """Goes to the root where the working folder does not exist: libraries end the process there otherwise."""
-    global _is_gone
+    """Change to the root if the working directory was deleted, where some libraries abort the process."""
+    global _is_deleted
     try:
         os.getcwd()
     except OSError:
-        _is_gone = True
+        _is_deleted = True
         os.chdir(os.path.abspath(os.sep))
 
 
 def working_path(path: str | Path) -> Path:
-    """A path that may be relative; raises UsageError for one that is, in a folder that was deleted."""
-    if _is_gone and not Path(path).is_absolute():
+    """The path as a Path. Raises UsageError for a relative path if the working directory was deleted."""
+    if _is_deleted and not Path(path).is_absolute():
         raise UsageError(
             f"{path}: the working directory was deleted; change to one that exists (cd), or give "
             "absolute paths"
@@ -33,7 +33,7 @@ def working_path(path: str | Path) -> Path:
 
 
 def check_paths(values: Iterable[object]) -> None:
-    """Applies `working_path` to all paths among the values of options, and in lists of them."""
+    """Apply `working_path` to all paths among the values of options and in lists of values."""
     for value in values:
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, Path):
@@ -41,7 +41,7 @@ def check_paths(values: Iterable[object]) -> None:
 
 
 def refuse_undecodable(*paths: Path | None) -> None:
-    """Raises UsageError for a name that is not UTF-8, which tables and reports cannot hold."""
+    """Raise UsageError for a name that is not UTF-8, which tables and reports cannot hold."""
     for path in paths:
         try:
             str(path).encode()
@@ -50,7 +50,7 @@ def refuse_undecodable(*paths: Path | None) -> None:
 
 
 def undecodable(name: object, encoding: str = "utf-8") -> str:
-    """What to do about a name that cannot be written with an encoding; the locale may be to blame."""
+    """One line on a name that an encoding cannot write, with the fix: rename it, or change the locale."""
     if "utf" in encoding.lower() and "utf" in sys.getfilesystemencoding():
         return f"{name}: invalid UTF-8, which tables, reports and checkpoints cannot hold; rename it"
     return f"{name}: this locale cannot encode it; set LC_ALL=C.UTF-8"

@@ -1,4 +1,4 @@
-"""An error that nobody thought of: one line that asks to report it, and a file with what a report needs."""
+"""Unexpected errors: one line that asks the user to report the bug, and a file with the traceback."""
 
 from __future__ import annotations
 
@@ -8,20 +8,23 @@ import sys
 from advpipe.pipeline.core.text import one_line
 
 SHOW = "ADVPIPE_TRACEBACK"
-"""Environment variable: the traceback is shown, too, as with --traceback."""
+"""Environment variable that shows the traceback, too, as --traceback does."""
 
 FOLDER = "ADVPIPE_TRACEBACK_DIR"
-"""Environment variable: the folder of such files, instead of the one for temporary files."""
+"""Environment variable: the folder for these files, instead of the folder for temporary files."""
 
 
 def report_unexpected(error: BaseException) -> str:
-    """Writes the file; returns the line. The traceback is shown where asked for, or not to be written."""
+    """Write the traceback to a file and return the line.
+
+    The traceback is also printed if `SHOW` is set, or if the file cannot be written.
+    """
     import traceback
 
     text = "".join(traceback.format_exception(error))
     what = one_line(f"unexpected {traceback.format_exception_only(error)[-1]}", 300)
     try:
-        request = f"please report it, with {_written(text)}"
+        request = f"please report it, with {_write_report(text)}"
         is_shown = os.environ.get(SHOW, "0") not in ("", "0")
     except OSError as refusal:
         request = (
@@ -33,8 +36,8 @@ def report_unexpected(error: BaseException) -> str:
     return f"{what}; this is a bug in advpipe: {request}"
 
 
-def _written(text: str) -> str:
-    """The name of a new file that holds a traceback and where it comes from."""
+def _write_report(text: str) -> str:
+    """Write a traceback, versions and the command to a new file, and return its name."""
     import platform
     import shlex
     import tempfile

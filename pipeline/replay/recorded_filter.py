@@ -1,4 +1,4 @@
-"""The filter of a recorded vehicle, to be run again: what it assumes, as the bag's scenario says."""
+"""The localisation filter of a recorded vehicle, run again with the settings in the bag's scenario."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ GNSS_FIX = "/gnss/fix"
 
 @dataclass(frozen=True)
 class RecordedFilter:
-    """sensors: the models that filters assume. origin: of the map. clock: of the drive."""
+    """The settings of a bag's filters.
+
+    sensors: the sensor models that the filters assume. origin: the map's. clock: of the drive.
+    """
 
     sensors: Sensors
     origin: GeoOrigin
@@ -32,17 +35,18 @@ class RecordedFilter:
 
     @property
     def geodesy(self) -> Geodesy:
-        """The map's place on the Earth."""
+        """The projection between the map frame and WGS 84."""
         return Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
 
     def estimator(self, reader: BagReader, topics: VehicleTopics) -> Estimator:
-        """A vehicle's filter as it was when the recording began."""
+        """A vehicle's filter in its state at the start of the recording. Raises AdvpipeError if that is
+        invalid."""
         return Estimator(self.sensors, self.geodesy, read_initial_pose(reader, topics))
 
 
 @contextmanager
 def filter_errors(reader: BagReader, vehicle: str) -> Iterator[None]:
-    """Says of which bag and vehicle the measurements are with which a filter cannot run."""
+    """Raise AdvpipeError that names bag and vehicle if a filter fails on their measurements in the block."""
     try:
         yield
     except (AdvpipeError, np.linalg.LinAlgError, ArithmeticError, ValueError) as error:
@@ -54,7 +58,7 @@ def filter_errors(reader: BagReader, vehicle: str) -> Iterator[None]:
 
 
 def read_filter(reader: BagReader) -> RecordedFilter:
-    """Raises AdvpipeError for a bag that does not hold its scenario."""
+    """Read the filter settings from a bag. Raises UsageError for a bag without its scenario."""
     if SCENARIO_INFO.name not in reader.topics:
         raise UsageError(
             f"{reader.path} has no {SCENARIO_INFO.name}, so the assumptions of its filters are unknown"
@@ -64,7 +68,7 @@ def read_filter(reader: BagReader) -> RecordedFilter:
 
 
 def vehicles_with_filter(reader: BagReader) -> list[str]:
-    """Names of the vehicles with fixes, an estimate, and where it started; sorted."""
+    """Sorted names of the vehicles with GNSS fixes, an estimate and an initial pose."""
     names = [name.strip("/").partition("/")[0] for name in reader.topics if name.endswith(GNSS_FIX)]
     return sorted(
         name
@@ -74,7 +78,7 @@ def vehicles_with_filter(reader: BagReader) -> list[str]:
 
 
 def default_victim(known: Sequence[str]) -> str | None:
-    """Of the vehicles with GPS, the one that is meant where none is named; None where that is not clear."""
+    """The default victim among the vehicles with GNSS: `ego`, or the only one; else None."""
     if "ego" in known:
         return "ego"
     return known[0] if len(known) == 1 else None

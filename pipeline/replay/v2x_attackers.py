@@ -1,4 +1,4 @@
-"""Who attacks: vehicles by name, a share of the fleet, or a roadside unit that is not in the traffic."""
+"""Selects the attackers: vehicles by name, a share of all stations, or an added roadside unit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import Attackers, AttackSpec, RoadsideUnit
 
 DEFAULT = Attackers(share=0.2)
-"""As in VeReMi NextGen."""
+"""The default share of attackers, as in VeReMi NextGen."""
 _NAMED = 8
 
 
@@ -21,7 +21,8 @@ _NAMED = 8
 class AttackerSelection:
     """The stations of a drive, and the roadside units that attacks add to them.
 
-    names: of all radios, by station id. units: radios of the roadside units, which stand still.
+    path: of the bag, for messages. names: of all radios, by station id. units: radios of the roadside units,
+    which do not move.
     """
 
     drive: V2xDrive
@@ -35,10 +36,10 @@ class AttackerSelection:
         self.names = dict(self.drive.stations)
 
     def attackers(self, spec: AttackSpec) -> tuple[int, ...]:
-        """Station ids, ascending. Raises AdvpipeError for a vehicle that has no radio in this bag.
+        """The attackers' station ids, ascending. Raises UsageError for a vehicle without a radio in this bag.
 
-        A share is one of all stations, at least one; it is drawn from those that are neither instrumented nor
-        the victim, the same for all attacks of a seed and `seed_name`.
+        A share is a share of all stations, at least one station. The attackers are drawn from the stations
+        that are not instrumented, and are the same for all attacks with the same seed and `seed_name`.
         """
         who = spec.attackers or DEFAULT
         if who.roadside_unit is not None:
@@ -54,7 +55,7 @@ class AttackerSelection:
         return tuple(sorted(rng.permutation(others)[:size].tolist()))
 
     def victim(self, spec: AttackSpec) -> int | None:
-        """The victim's station id. Raises AdvpipeError for one that listens to nobody in this bag."""
+        """The victim's station id, or None. Raises UsageError for one without instruments in this bag."""
         if spec.victim is None:
             return None
         number = self._id_of(spec.victim, f"{spec.type}: victim")

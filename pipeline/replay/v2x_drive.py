@@ -1,4 +1,4 @@
-"""The V2X of a recorded drive, as it is to be sent again: all that radio and maps depend on."""
+"""Replays the V2X messages of a recorded drive through the radio medium and the Local Dynamic Maps."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 
 LONGEST_STEP_NS = 10_000_000_000
-"""Simulated steps last a second at most; a bag that has lost a few messages may have a longer one."""
+"""Simulated steps last at most a second; steps are longer in a bag that has lost a few messages."""
 
 
 class V2xStep(NamedTuple):
-    """One step of the drive: radios stay where they are from its begin to its end.
+    """One step of the drive, during which radios do not move.
 
-    end_ns: None for the last one, in which nobody sends any more. sent: by the times they were handed over.
+    end_ns: None for the last step, in which nothing is sent. sent: in the order of their request times.
     """
 
     begin_ns: int
@@ -35,16 +35,16 @@ class V2xStep(NamedTuple):
 
 
 class V2xDrive:
-    """Reads it from a bag that `simulate` has recorded; memory holds one step.
+    """The V2X of a bag that `simulate` recorded; only one step is in memory at a time.
 
     >>> drive = V2xDrive(BagReader(path))
     >>> channel = drive.channel()
     >>> for step in drive.steps():
-    ...     heard = drive.send(channel, step, step.sent)  # or other messages instead
+    ...     result = drive.send(channel, step, step.sent)  # or other messages instead
 
-    v2x, seed, origin: those of the scenario. stations: all vehicles that had a radio, by its number.
-    listeners: the instrumented ones among them. until_ns: nothing is read of what comes after the step in
-    which this time is. Raises AdvpipeError for a bag without V2X.
+    v2x, seed, origin: those of the scenario. stations: names of all vehicles with a radio, by station id.
+    listeners: the instrumented ones among them. until_ns: steps after the one that contains this time are not
+    read. Raises UsageError for a bag without V2X.
     """
 
     def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
@@ -58,9 +58,10 @@ class V2xDrive:
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
     def channel(self, decoder: Callable[[bytes], CamTree] | None = None) -> Channel:
-        """The medium and the maps as they were when the drive began. decoder: see `Channel`.
+        """The medium and the Local Dynamic Maps in their state at the start of the drive.
 
-        Raises UsageError for a drive through another network than ours, which nobody can run again.
+        decoder: see `Channel`. Raises UsageError for a drive with a network other than `embedded`, which
+        cannot be replayed.
         """
         if self.v2x.network != "embedded":
             raise UsageError(
@@ -71,14 +72,14 @@ class V2xDrive:
         return Channel(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
 
     def steps(self) -> Iterator[V2xStep]:
-        """All steps of the drive, as `read_steps` reads them."""
+        """Yield all steps of the drive, as `read_steps` does."""
         return read_steps(self._reader, self._until_ns)
 
     def sent_again(self, listeners: Collection[int]) -> Iterator[tuple[V2xStep, tuple[Received, ...]]]:
-        """Each step as it was recorded, and what these stations receive in it when it is sent again.
+        """Yield each recorded step with the messages that these stations receive when it is sent again.
 
-        For the instrumented vehicles, the bag itself holds what they received (`bag/receptions.py`); this is
-        for all others.
+        Use it for vehicles without instruments; the receptions of instrumented vehicles are in the bag
+        (`bag/receptions.py`).
         """
         self.listeners = {number: self.stations[number] for number in sorted(listeners)}
         channel = self.channel()
@@ -86,7 +87,7 @@ class V2xDrive:
             yield step, self.send(channel, step, step.sent).received if listeners else ()
 
     def send(self, channel: Channel, step: V2xStep, sent: Sequence[Sent]) -> ChannelResult:
-        """Goes through one step with these messages."""
+        """Advance the channel through one step in which these messages are sent."""
         stations = stations_of(self.v2x, step.radios)
         if step.end_ns is None:
             return channel.finish(step.begin_ns, stations)
@@ -100,11 +101,11 @@ class V2xDrive:
 
 
 def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xStep]:
-    """All steps of a recorded drive, in order; with `until_ns` to the first one that ends then or later.
+    """Yield all steps of a recorded drive in order, with `until_ns` up to the first that ends then or later.
 
-    None for a bag without the stations' positions. Raises AdvpipeError for a message that no station
-    of its step can have sent, for two of a number, for a step longer than `LONGEST_STEP_NS`, and for one
-    later than `LATEST_NS`.
+    Yields none for a bag without the stations' positions. Raises AdvpipeError for a message that no station
+    of its step can have sent, for two messages with the same number, for a step longer than
+    `LONGEST_STEP_NS`, and for a step later than `LATEST_NS`.
     """
     begin_ns: int | None = None
     radios: tuple[RadioPlace, ...] = ()
@@ -115,7 +116,7 @@ def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xSt
         if raw.topic.name == V2X_SENT.name:
             sent.append(sent_of_message(message))
             if sent[-1].number in numbers:
-                raise _wrong(reader, raw, f"has the number {sent[-1].number}, as one before it")
+                raise _wrong(reader, raw, f"has the number {sent[-1].number} of an earlier message")
             numbers.add(sent[-1].number)
             continue
         if raw.log_time_ns > LATEST_NS:
@@ -160,9 +161,9 @@ def _wrong(reader: BagReader, raw: RawMessage, what: str) -> AdvpipeError:
 
 
 def read_stations(reader: BagReader, last_ns: int | None = None) -> dict[int, str]:
-    """Names of all stations of a drive, by number; none for a bag without the stations' positions.
+    """The names of all stations of a drive by station id; empty for a bag without the stations' positions.
 
-    Raises AdvpipeError where one has two of either.
+    Raises AdvpipeError if a station id has two names or a name two station ids.
     """
     names: dict[int, str] = {}
     ids: dict[str, int] = {}

@@ -12,18 +12,18 @@ from advpipe.pipeline.results.listed import Flat, LeftOut, Listed
 class AttacksByTarget:
     """The attacks on a vehicle's fixes, messages and clouds."""
 
-    fixes: Annotated[tuple[str, ...] | None, LeftOut()] = None
-    messages: Annotated[tuple[str, ...] | None, LeftOut()] = None
-    clouds: Annotated[tuple[str, ...] | None, LeftOut()] = None
+    fixes: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on GNSS fixes"] = None
+    messages: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on messages"] = None
+    clouds: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on clouds"] = None
 
 
 @dataclass(frozen=True)
 class AttackedCounts:
     """How many fixes, messages and clouds were attacked."""
 
-    fixes: Annotated[int | None, LeftOut()] = None
-    messages: Annotated[int | None, LeftOut()] = None
-    clouds: Annotated[int | None, LeftOut()] = None
+    fixes: Annotated[int | None, LeftOut(), "number of attacked GNSS fixes"] = None
+    messages: Annotated[int | None, LeftOut(), "number of attacked messages"] = None
+    clouds: Annotated[int | None, LeftOut(), "number of attacked clouds"] = None
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,32 @@ class TogetherMetrics:
     false, missing or displaced. points_touched: in a cloud.
     """
 
-    from_s: float
-    to_s: float
-    own_place_m_clean: Annotated[float | None, LeftOut()] = None
-    own_place_m: Annotated[float | None, LeftOut()] = None
-    map_wrong_clean: Annotated[float | None, LeftOut()] = None
-    map_wrong: Annotated[float | None, LeftOut()] = None
-    points_touched_clean: Annotated[float | None, LeftOut()] = None
-    points_touched: Annotated[float | None, LeftOut()] = None
+    from_s: Annotated[
+        float, "beginning of the time in which all attacks are active, in seconds of the recording"
+    ]
+    to_s: Annotated[float, "end of that time, in seconds of the recording"]
+    own_place_m_clean: Annotated[
+        float | None, LeftOut(), "mean error of the vehicle's position estimate in the clean bag, in metres"
+    ] = None
+    own_place_m: Annotated[float | None, LeftOut(), "the same in the attacked bag, in metres"] = None
+    map_wrong_clean: Annotated[
+        float | None,
+        LeftOut(),
+        "mean number of false, missing and displaced entries of its Local Dynamic Map in the clean bag",
+    ] = None
+    map_wrong: Annotated[float | None, LeftOut(), "the same in the attacked bag"] = None
+    points_touched_clean: Annotated[
+        float | None, LeftOut(), "mean number of changed points per cloud in the clean bag: 0"
+    ] = None
+    points_touched: Annotated[float | None, LeftOut(), "the same in the attacked bag"] = None
 
 
 @dataclass(frozen=True)
 class CoordinatedRecord(Listed):
     """Attacks of two kinds or three on one vehicle in one bag; together: None where they never meet."""
 
-    bag: str
-    vehicle: str
-    attacks: AttacksByTarget
+    bag: Annotated[str, "adversarial bag"]
+    vehicle: Annotated[str, "attacked vehicle"]
+    attacks: Annotated[AttacksByTarget, "attacks on the vehicle, by what they change"]
     attacked: Annotated[AttackedCounts, Flat("attacked_")]
     together: Annotated[TogetherMetrics | None, Flat("")] = None

@@ -1,25 +1,40 @@
-"""What a result that `report.json` lists is made of, and the keys that its fields become."""
+"""Results that `report.json` lists: their fields, with the keys and descriptions that these become.
+
+A field is described by a text in its type: `Annotated[float, "mean error, in metres"]`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from advpipe.pipeline.results.metrics import Record
 
 
 @dataclass(frozen=True)
 class Flat:
-    """Marks a field that holds another dataclass: its fields become keys with this prefix, None adds none."""
+    """Marks a field that holds another dataclass: its fields become keys with this prefix, None adds none.
+
+    about: text before the descriptions of these keys.
+    """
 
     prefix: str
+    about: str = ""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Marks a field whose key is left out where it is None: there is no such thing, not even undefined."""
+    """Marks a field whose key is left out where it is None: the value does not exist."""
+
+
+class Field(NamedTuple):
+    """The type of a field, its mark, None without one, and its description."""
+
+    hint: Any
+    mark: Flat | LeftOut | None
+    description: str
 
 
 @dataclass(frozen=True)
@@ -32,28 +47,32 @@ class Listed:
 
 
 def flattened(result: Any) -> Record:
-    """The fields of a dataclass by their keys; NaN for what is undefined."""
+    """The fields of a dataclass by their keys; NaN for undefined values."""
     row: Record = {}
     kind: Any = type(result)
-    for name, (_, mark) in shape(kind).items():
+    for name, field in described_fields(kind).items():
         value = getattr(result, name)
-        if isinstance(mark, Flat):
+        if isinstance(field.mark, Flat):
             inner = {} if value is None else flattened(value)
-            row |= {mark.prefix + key: figure for key, figure in inner.items()}
-        elif value is not None or not isinstance(mark, LeftOut):
+            row |= {field.mark.prefix + key: each for key, each in inner.items()}
+        elif value is not None or not isinstance(field.mark, LeftOut):
             row[key_of(name)] = _plain(value)
     return row
 
 
 @cache
-def shape(kind: Any) -> Mapping[str, tuple[Any, Any]]:
-    """The type of each field of a dataclass, and its mark, None without one."""
+def described_fields(kind: Any) -> Mapping[str, Field]:
+    """The fields of a dataclass by name."""
     hints = get_type_hints(kind, include_extras=True)
-    return {
-        each.name: get_args(hint) if get_origin(hint) is Annotated else (hint, None)
-        for each in fields(kind)
-        for hint in (hints[each.name],)
-    }
+    return {each.name: _field(hints[each.name]) for each in fields(kind)}
+
+
+def _field(hint: Any) -> Field:
+    if get_origin(hint) is not Annotated:
+        return Field(hint, None, "")
+    inner, *extras = get_args(hint)
+    mark = next((each for each in extras if isinstance(each, Flat | LeftOut)), None)
+    return Field(inner, mark, next((each for each in extras if isinstance(each, str)), ""))
 
 
 def key_of(name: str) -> str:

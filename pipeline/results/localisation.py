@@ -17,12 +17,12 @@ class Errors:
     across the direction of travel.
     """
 
-    mean_m: float
-    rmse_m: float
-    max_m: float
-    ate_m: float
-    lateral_mean_m: float
-    lateral_max_m: float
+    mean_m: Annotated[float, "mean horizontal error of the estimate, in metres"]
+    rmse_m: Annotated[float, "root mean square of the horizontal error, in metres"]
+    max_m: Annotated[float, "largest horizontal error, in metres"]
+    ate_m: Annotated[float, "root mean square of the error in 3D, without alignment, in metres"]
+    lateral_mean_m: Annotated[float, "mean size of the error across the direction of travel, in metres"]
+    lateral_max_m: Annotated[float, "largest error across the direction of travel, in metres"]
 
 
 @dataclass(frozen=True)
@@ -41,19 +41,30 @@ class LocalisationRecord(Listed):
     more than `LOST_M` off.
     """
 
-    bag: str
-    vehicle: str
-    fixes: int
-    attacked: int
-    lost: int
-    span_s: float
-    clean: Annotated[Errors, Flat("clean_")]
-    adversarial: Annotated[Errors, Flat("adv_")]
-    ate_clean_m: float
-    ate_m: float
-    detection_rate: float
-    stealth_rate: float
-    false_alarm_rate: float
-    echo_rate: float
-    delay_s: float
-    success_rate: float
+    bag: Annotated[str, "adversarial bag"]
+    vehicle: Annotated[str, "attacked vehicle"]
+    fixes: Annotated[int, "number of GNSS fixes in the clean bag"]
+    attacked: Annotated[int, "number of attacked fixes: changed or lost"]
+    lost: Annotated[int, "number of attacked fixes without a position"]
+    span_s: Annotated[float, "time from the first attacked fix to the last, in seconds"]
+    clean: Annotated[Errors, Flat("clean_", "clean bag, from the first attacked fix to the last: ")]
+    adversarial: Annotated[Errors, Flat("adv_", "attacked bag, from the first attacked fix to the last: ")]
+    ate_clean_m: Annotated[
+        float,
+        "absolute trajectory error in the clean bag, whole drive or window, without alignment, in metres",
+    ]
+    ate_m: Annotated[float, "the same in the attacked bag, in metres"]
+    detection_rate: Annotated[
+        float, "share of attacked fixes that fail the innovation test, in [0, 1]; null where all were lost"
+    ]
+    stealth_rate: Annotated[float, "share of attacked fixes that pass the innovation test, in [0, 1]"]
+    false_alarm_rate: Annotated[
+        float, "share of the clean bag's fixes that fail the innovation test, in [0, 1]"
+    ]
+    echo_rate: Annotated[
+        float, "share of genuine fixes after the first attacked one that fail the test, in [0, 1]"
+    ]
+    delay_s: Annotated[
+        float, "time from the first attacked fix to the first one that fails the test, in seconds"
+    ]
+    success_rate: Annotated[float, "share of the span in which the estimate is more than 5 m off, in [0, 1]"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 Interval = tuple[float, float] | None
 """A 95 % interval, low and high; None where there are too few blocks for one."""
@@ -76,30 +77,40 @@ class CloudMetrics:
     points of all frames.
     """
 
-    map_adv: float
-    map_adv_ci95: Interval
-    map_ratio_percent: float
-    map_ratio_ci95: Interval
-    map_loose_adv: float
-    map_loose_ratio_percent: float
-    map_bev_adv: float
-    map_bev_loose_adv: float
-    chamfer_distance_m2: float
-    attack_success_percent: float
-    mean_displacement_m: float
-    rms_displacement_m: float
-    median_displacement_m: float
-    p95_displacement_m: float
-    max_displacement_m: float
-    max_added_m: float
-    points_added: int
-    points_removed: int
-    points_moved: int
-    objects_below_min_points: int
-    found_objects: int
-    false_positives: int
-    lost_objects: int
-    new_false_positives: int
+    map_adv: Annotated[float, "strict 3D mAP (R40), in [0, 1]"]
+    map_adv_ci95: Annotated[Interval, "its 95 % interval"]
+    map_ratio_percent: Annotated[
+        float, "strict mAP in percent of that on the clean clouds of the same frames; null where that is 0"
+    ]
+    map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]
+    map_loose_adv: Annotated[float, "loose 3D mAP (R40), in [0, 1]"]
+    map_loose_ratio_percent: Annotated[float, "loose mAP in percent of that on the clean clouds"]
+    map_bev_adv: Annotated[float, "strict mAP in the bird's-eye view (R40), in [0, 1]"]
+    map_bev_loose_adv: Annotated[float, "loose mAP in the bird's-eye view (R40), in [0, 1]"]
+    chamfer_distance_m2: Annotated[
+        float, "Chamfer distance to the clean clouds, mean over frames, in square metres"
+    ]
+    attack_success_percent: Annotated[
+        float, "lost objects in percent of the objects found on the clean clouds, at loose overlap"
+    ]
+    mean_displacement_m: Annotated[float, "mean displacement of moved points, in metres"]
+    rms_displacement_m: Annotated[float, "root mean square of the displacement of moved points, in metres"]
+    median_displacement_m: Annotated[float, "median displacement of moved points, in metres"]
+    p95_displacement_m: Annotated[float, "95th percentile of the displacement of moved points, in metres"]
+    max_displacement_m: Annotated[float, "largest displacement of a moved point, in metres"]
+    max_added_m: Annotated[
+        float, "largest distance from an added point to the nearest clean point, in metres"
+    ]
+    points_added: Annotated[int, "number of points added, all frames"]
+    points_removed: Annotated[int, "number of points removed, all frames"]
+    points_moved: Annotated[int, "number of points moved, all frames"]
+    objects_below_min_points: Annotated[int, "number of evaluated objects with fewer than 5 points left"]
+    found_objects: Annotated[int, "number of objects found, at loose overlap and the working score"]
+    false_positives: Annotated[int, "number of false positives, at loose overlap and the working score"]
+    lost_objects: Annotated[
+        int, "number of objects found on the clean clouds and missed here, at loose overlap"
+    ]
+    new_false_positives: Annotated[int, "number of false positives where the clean clouds have none"]
     precisions: Precisions
 
     def record(self) -> Record:
@@ -113,12 +124,16 @@ class CloudMetrics:
 class RecountedMetrics:
     """The results if the objects were counted on the attacked clouds, unlike in all other metrics."""
 
-    objects_recounted: int
-    map_adv_recounted: float
-    map_ratio_percent_recounted: float
-    map_ratio_recounted_ci95: Interval
-    lost_objects_recounted: int
-    attack_success_percent_recounted: float
+    objects_recounted: Annotated[int, "number of objects with at least 5 points in the attacked clouds"]
+    map_adv_recounted: Annotated[float, "strict mAP over the recounted objects, in [0, 1]"]
+    map_ratio_percent_recounted: Annotated[float, "map_adv_recounted in percent of the clean mAP"]
+    map_ratio_recounted_ci95: Annotated[Interval, "95 % interval of map_ratio_percent_recounted, in percent"]
+    lost_objects_recounted: Annotated[
+        int, "number of recounted objects found on the clean clouds and missed here"
+    ]
+    attack_success_percent_recounted: Annotated[
+        float, "lost recounted objects in percent of the objects found on the clean clouds"
+    ]
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Annotated
 
 from advpipe.pipeline.results.metrics import Record
 
@@ -12,30 +13,32 @@ from advpipe.pipeline.results.metrics import Record
 class CleanBag:
     """The clean bag: its name, its checksum, and the name of its scenario."""
 
-    bag: str
-    sha256: str
-    scenario: str | None
+    bag: Annotated[str, "name of the clean bag"]
+    sha256: Annotated[str, "SHA-256 of the clean bag"]
+    scenario: Annotated[str | None, "name of its scenario; null where the bag does not say"]
 
 
 @dataclass(frozen=True)
 class ComparedBag:
     """A bag beside it, with what its record says; frames: those of the clean bag that were scored."""
 
-    bag: str
-    sha256: str | None
-    provenance: Mapping[str, str]
-    frames: tuple[int, ...]
+    bag: Annotated[str, "name of the bag"]
+    sha256: Annotated[str | None, "SHA-256 of the bag"]
+    provenance: Annotated[Mapping[str, str], "the bag's own record, as text by key"]
+    frames: Annotated[tuple[int, ...], "frames of the clean bag that were scored, by index"]
 
 
 @dataclass(frozen=True)
 class DetectorOrigin:
     """A detector by name, checksum, classes and range, and whether it was trained on the clean bag's map."""
 
-    name: str
-    sha256: str
-    classes: tuple[str, ...]
-    range_m: Mapping[str, float]
-    is_training_map: bool | None
+    name: Annotated[str, "name of the detector"]
+    sha256: Annotated[str, "SHA-256 of its weights or code"]
+    classes: Annotated[tuple[str, ...], "classes that it detects"]
+    range_m: Annotated[Mapping[str, float], "its detection range: limits in metres by name"]
+    is_training_map: Annotated[
+        bool | None, "whether it was trained on the map of the clean bag; null where that is unknown"
+    ]
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,18 @@ class ResultsOrigin:
     """advpipe: its version. code_sha256: of the code that decides what a report says. device: the kind of
     GPU; None for the CPU, of which a report says nothing."""
 
-    advpipe: str
-    code_sha256: str
-    clean: CleanBag
-    compared: tuple[ComparedBag, ...]
-    detectors: tuple[DetectorOrigin, ...]
-    bootstrap_draws: int
-    seed: int
-    baseline_tries: int | None
-    defences: tuple[str, ...]
-    device: str | None = None
+    advpipe: Annotated[str, "version of advpipe"]
+    code_sha256: Annotated[str, "SHA-256 of the code that decides the contents of a report"]
+    clean: Annotated[CleanBag, "the clean bag"]
+    compared: Annotated[tuple[ComparedBag, ...], "the bags that are compared with it"]
+    detectors: Annotated[tuple[DetectorOrigin, ...], "the evaluated detectors"]
+    bootstrap_draws: Annotated[int, "number of draws of the bootstrap"]
+    seed: Annotated[int, "seed of all random draws"]
+    baseline_tries: Annotated[
+        int | None, "number of random tries asked for; null for the attack's query budget"
+    ]
+    defences: Annotated[tuple[str, ...], "the evaluated defences"]
+    device: Annotated[str | None, "kind of GPU; absent for the CPU"] = None
 
     def record(self) -> Record:
         """What `report.json` has as `provenance`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.metrics import Interval, Precisions, Record
@@ -15,27 +15,27 @@ class PrecisionRecord(Listed):
     """One average precision of a class by a criterion, in a stratum of those cut `by` a measure; of all
     objects, `by` is empty and the stratum is `all`. boxes: how many objects were to be found."""
 
-    bag: str
-    detector: str
-    condition: str
-    class_name: str
-    criterion: str
-    by: str
-    stratum: str
-    boxes: int
-    ap_r40: float
-    ap_r40_ci95: Interval
-    ap_r11: float
+    bag: Annotated[str, "adversarial bag, or `clean`"]
+    detector: Annotated[str, "evaluated detector"]
+    condition: Annotated[str, "`clean`, `adv` or the name of a baseline"]
+    class_name: Annotated[str, "object class"]
+    criterion: Annotated[str, "overlap criterion: strict, loose, bev or bev_loose"]
+    by: Annotated[str, "measure that the stratum is of: range, points or occlusion; empty for all objects"]
+    stratum: Annotated[str, "stratum of objects; `all` without one"]
+    boxes: Annotated[int, "number of objects to find"]
+    ap_r40: Annotated[float, "average precision at 40 recall positions, in [0, 1]"]
+    ap_r40_ci95: Annotated[Interval, "95 % interval of ap_r40"]
+    ap_r11: Annotated[float, "average precision at 11 recall positions, in [0, 1]"]
 
 
 @dataclass(frozen=True)
 class _OfAttack(Listed):
-    bag: str
-    detector: str
-    attack: str
-    recipe: str | None
-    parameter: str | None
-    value: Any
+    bag: Annotated[str, "adversarial bag"]
+    detector: Annotated[str, "evaluated detector"]
+    attack: Annotated[str, "name of the attack"]
+    recipe: Annotated[str | None, "recipe of a LiDAR attack; null for other attacks"]
+    parameter: Annotated[str | None, "name of the parameter that is the attack's budget"]
+    value: Annotated[Any, "the budget's value, in the unit of the parameter"]
 
 
 @dataclass(frozen=True)
@@ -43,19 +43,21 @@ class SuccessRecord(_OfAttack):
     """Objects found on the clean clouds and lost on those under `condition`, of a class and a range; at loose
     overlap, those named `strict_` at strict overlap, with a score of at least `min_score`."""
 
-    condition: str
-    class_name: str
-    range: str
-    min_score: float
-    found_clean: int
-    lost: int
-    attack_success_percent: float
-    attack_success_ci95: Interval
-    strict_found_clean: int
-    strict_lost: int
-    strict_attack_success_percent: float
-    strict_attack_success_ci95: Interval
-    new_false_positives: int
+    condition: Annotated[str, "`adv` or the name of a baseline"]
+    class_name: Annotated[str, "object class; `all` for every class"]
+    range: Annotated[str, "range of distances from the sensor, in metres; `all` for every distance"]
+    min_score: Annotated[float, "lowest score of detections that count"]
+    found_clean: Annotated[int, "number of objects found on the clean clouds, at loose overlap"]
+    lost: Annotated[int, "number of these that are missed here, at loose overlap"]
+    attack_success_percent: Annotated[float, "lost in percent of found_clean"]
+    attack_success_ci95: Annotated[Interval, "95 % interval of attack_success_percent, in percent"]
+    strict_found_clean: Annotated[int, "number of objects found on the clean clouds, at strict overlap"]
+    strict_lost: Annotated[int, "number of these that are missed here, at strict overlap"]
+    strict_attack_success_percent: Annotated[float, "strict_lost in percent of strict_found_clean"]
+    strict_attack_success_ci95: Annotated[
+        Interval, "95 % interval of strict_attack_success_percent, in percent"
+    ]
+    new_false_positives: Annotated[int, "number of false positives where the clean clouds have none"]
 
 
 @dataclass(frozen=True)
@@ -63,12 +65,12 @@ class DefendedMetrics:
     """What an attack leads to under a defence. map_ratio_percent: of the clean clouds under the defence;
     map_adv_percent: of those without."""
 
-    map_adv: float
-    map_adv_ci95: Interval
-    map_ratio_percent: float
-    map_ratio_ci95: Interval
-    map_adv_percent: float
-    map_adv_percent_ci95: Interval
+    map_adv: Annotated[float, "strict mAP on attacked clouds under the defence, in [0, 1]"]
+    map_adv_ci95: Annotated[Interval, "its 95 % interval"]
+    map_ratio_percent: Annotated[float, "map_adv in percent of the mAP on clean clouds under the defence"]
+    map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]
+    map_adv_percent: Annotated[float, "map_adv in percent of the mAP on clean clouds without the defence"]
+    map_adv_percent_ci95: Annotated[Interval, "95 % interval of map_adv_percent, in percent"]
     precisions: Precisions
 
 
@@ -77,12 +79,14 @@ class DefenceRecord(_OfAttack):
     """A defence: the mAP that it leaves on clean clouds, in percent of that without it, and the attack's
     effect under it; None without an attack."""
 
-    defence: str
-    frames: int
-    map_clean: float
-    map_clean_ci95: Interval
-    clean_map_kept_percent: float
-    clean_map_kept_ci95: Interval
+    defence: Annotated[str, "the defence with its parameters"]
+    frames: Annotated[int, "number of frames scored"]
+    map_clean: Annotated[float, "strict mAP on clean clouds under the defence, in [0, 1]"]
+    map_clean_ci95: Annotated[Interval, "its 95 % interval"]
+    clean_map_kept_percent: Annotated[
+        float, "map_clean in percent of the mAP on clean clouds without the defence"
+    ]
+    clean_map_kept_ci95: Annotated[Interval, "95 % interval of clean_map_kept_percent, in percent"]
     clean_precisions: Precisions
     attacked: DefendedMetrics | None
 
@@ -104,28 +108,30 @@ class BaselineRecord(_OfAttack):
     """A random baseline beside an attack; delta_points: the attack's mAP ratio minus the
     baseline's, in percentage points."""
 
-    baseline: str
-    map_ratio_percent: float
-    map_ratio_ci95: Interval
-    delta_points: float
-    delta_points_ci95: Interval
-    significant: bool | None
+    baseline: Annotated[str, "name of the random baseline"]
+    map_ratio_percent: Annotated[float, "the baseline's mAP in percent of the clean mAP"]
+    map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]
+    delta_points: Annotated[float, "the attack's mAP ratio minus the baseline's, in percentage points"]
+    delta_points_ci95: Annotated[
+        Interval, "95 % interval of delta_points, drawn together, in percentage points"
+    ]
+    significant: Annotated[bool | None, "whether that interval lies below 0; null without an interval"]
 
 
 @dataclass(frozen=True)
 class TransferRecord(Listed):
     """An attack made against one detector, as another sees it."""
 
-    bag: str
-    attack: str
-    recipe: str | None
-    parameter: str | None
-    value: Any
-    parameters: Mapping[str, Any]
-    attacked_against: str
-    frames: int
-    evaluated_with: str
-    is_white_box: bool | None
-    map_clean: float
-    map_ratio_percent: float | None
-    map_ratio_ci95: Interval
+    bag: Annotated[str, "adversarial bag"]
+    attack: Annotated[str, "name of the attack"]
+    recipe: Annotated[str | None, "recipe of a LiDAR attack; null for other attacks"]
+    parameter: Annotated[str | None, "name of the parameter that is the attack's budget"]
+    value: Annotated[Any, "the budget's value, in the unit of the parameter"]
+    parameters: Annotated[Mapping[str, Any], "all parameters of the attack by name"]
+    attacked_against: Annotated[str, "detector that the attack was made against"]
+    frames: Annotated[int, "number of frames scored"]
+    evaluated_with: Annotated[str, "evaluated detector"]
+    is_white_box: Annotated[bool | None, "whether both are the same detector; null where that is unknown"]
+    map_clean: Annotated[float, "strict mAP on the clean clouds, in [0, 1]"]
+    map_ratio_percent: Annotated[float | None, "mAP on the attacked clouds in percent of map_clean"]
+    map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]

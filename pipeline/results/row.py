@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from advpipe.pipeline.results.metrics import (
     BaselineMetrics,
@@ -29,15 +29,17 @@ class AttackRecord:
     how many the best is among the baselines.
     """
 
-    attack: str
-    recipe: str | None
-    parameter: str | None
-    value: Any
-    parameters: Mapping[str, Any]
-    attacked_against: str | None
-    is_white_box: bool | None
-    query_budget: int | None
-    baseline_tries: int
+    attack: Annotated[str, "name of the attack"]
+    recipe: Annotated[str | None, "recipe of a LiDAR attack; null for other attacks"]
+    parameter: Annotated[str | None, "name of the parameter that is the attack's budget"]
+    value: Annotated[Any, "the budget's value, in the unit of the parameter"]
+    parameters: Annotated[Mapping[str, Any], "all parameters of the attack by name"]
+    attacked_against: Annotated[str | None, "detector that the attack was made against"]
+    is_white_box: Annotated[bool | None, "whether that is the evaluated detector; null where that is unknown"]
+    query_budget: Annotated[int | None, "number of detector queries of which the attack keeps the best"]
+    baseline_tries: Annotated[
+        int, "number of random tries of which the best is among the baselines; 0 without baselines"
+    ]
 
 
 @dataclass(frozen=True)
@@ -45,14 +47,16 @@ class FrameCounts:
     """What was scored. working_score: the score of the best F1 on the clean clouds, from which objects and
     detections are counted. objects: evaluated ones."""
 
-    frames: int
-    blocks: int
-    classes_in_map: tuple[str, ...]
-    working_score: float
-    objects: int
-    objects_found_clean: int
-    false_positives_clean: int
-    points_clean: int
+    frames: Annotated[int, "number of frames scored"]
+    blocks: Annotated[int, "number of blocks of at least 5 s that the bootstrap draws from"]
+    classes_in_map: Annotated[tuple[str, ...], "classes that the mAP is the mean of"]
+    working_score: Annotated[
+        float, "score of the best F1 on the clean clouds, from which detections and objects are counted"
+    ]
+    objects: Annotated[int, "number of evaluated objects, all frames"]
+    objects_found_clean: Annotated[int, "number of objects found on the clean clouds, at loose overlap"]
+    false_positives_clean: Annotated[int, "number of false positives on the clean clouds, at loose overlap"]
+    points_clean: Annotated[int, "number of points in the clean clouds, all frames"]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.deprecated import DEPRECATED_KEYS, old_key
 from advpipe.pipeline.results.evaluation import SCHEMA
-from advpipe.pipeline.results.listed import Flat, LeftOut, key_of, shape
+from advpipe.pipeline.results.listed import Flat, LeftOut, described_fields, key_of
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.metrics import CRITERIA, CloudMetrics, Precisions, RecountedMetrics
 from advpipe.pipeline.results.origin import ResultsOrigin
@@ -34,6 +34,9 @@ _BASELINE = "(baseline(_near|_full)?(_best)?)"
 _CLASS = f"({'|'.join(CLASSES)})"
 _CRITERION = f"({'|'.join(CRITERIA[1:])})"
 
+_PRECISION = "average precision (R40)"
+_DELTA = "the attack's mAP ratio minus the baseline's, in percentage points"
+
 Schema = dict[str, Any]
 
 NUMBER: Schema = {"type": ["number", "null"]}
@@ -41,7 +44,7 @@ INTERVAL: Schema = {"type": ["array", "null"], "items": {"type": "number"}, "min
 
 
 def report_schema() -> Schema:
-    """The schema as plain values. A metric that is undefined is null; no other keys are let in."""
+    """The schema as plain values. An undefined metric is null; other keys are refused."""
     lists = {
         "average_precision": PrecisionRecord,
         "attack_success": SuccessRecord,
@@ -58,14 +61,14 @@ def report_schema() -> Schema:
         "title": "advpipe report",
         "type": "object",
         "properties": {
-            "schema": {"const": SCHEMA},
-            "warnings": _list({"type": "string"}),
-            "formulas": {"type": "object", "additionalProperties": {"type": "string"}},
-            DEPRECATED_KEYS: {"type": "object", "additionalProperties": {"type": "string"}},
+            "schema": {"const": SCHEMA, "description": "version of this schema"},
+            "warnings": _list({"type": "string"}, "what must be read before any value"),
+            "formulas": _texts("what the values mean, by name"),
+            DEPRECATED_KEYS: _texts("old keys that are written beside their new ones, by old key"),
             "provenance": _object(ResultsOrigin, optional=("device",)),
-            "rows": _list(_row()),
-            **{key: _list(_object(record)) for key, record in lists.items()},
-            "defences": _list(_defence()),
+            "rows": _list(_row(), "one for each adversarial bag and detector, or for the clean bag alone"),
+            **{key: _list(_object(record), _description(record)) for key, record in lists.items()},
+            "defences": _list(_defence(), _description(DefenceRecord)),
         },
         "required": required,
         "additionalProperties": False,
@@ -98,33 +101,48 @@ def _row() -> Schema:
     """A row is flat: the attack's metrics, and those of each baseline with its name before them."""
     metrics = _properties(CloudMetrics)
     properties = {
-        "bag": {"type": "string"},
-        "detector": {"type": "string"},
+        "bag": _described({"type": "string"}, "adversarial bag, or `clean`"),
+        "detector": _described({"type": "string"}, "evaluated detector"),
         **_properties(AttackRecord),
         **_properties(FrameCounts),
         **{key: _or_null(value) for key, value in {**metrics, **_properties(RecountedMetrics)}.items()},
-        "map_clean": NUMBER,
-        "map_clean_ci95": INTERVAL,
-        "map_r11_clean": NUMBER,
-        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}": NUMBER,
-        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}_ci95": INTERVAL,
-        "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}),
-        "significant_vs_random": {"type": ["boolean", "null"]},
-        "notes": _list({"type": "string"}),
+        "map_clean": _described(NUMBER, "strict 3D mAP (R40) on the clean clouds, in [0, 1]"),
+        "map_clean_ci95": _described(INTERVAL, "95 % interval of map_clean"),
+        "map_r11_clean": _described(NUMBER, "strict 3D mAP (R11) on the clean clouds, in [0, 1]"),
+        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}": _described(NUMBER, _DELTA),
+        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}_ci95": _described(
+            INTERVAL, f"95 % interval of: {_DELTA}"
+        ),
+        "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}, "names of the scored baselines"),
+        "significant_vs_random": _described(
+            {"type": ["boolean", "null"]},
+            "whether the attack is significantly stronger than every scored baseline; null without intervals",
+        ),
+        "notes": _list({"type": "string"}, "what the reader must know besides"),
     }
-    of_baselines = {f"^{_BASELINE}_{key}$": _or_null(value) for key, value in metrics.items()}
     patterns = {
-        f"^boxes_{_CLASS}$": {"type": "integer"},
-        f"^map_{_CRITERION}(_r11)?_clean$": NUMBER,
-        f"^map_{_CRITERION}_clean_ci95$": INTERVAL,
-        f"^ap_({_CRITERION}_)?{_CLASS}_clean$": NUMBER,
-        f"^({_BASELINE}_)?ap_({_CRITERION}_)?{_CLASS}_adv$": NUMBER,
-        f"^ap_{_CLASS}_clean_ci95$": INTERVAL,
-        f"^({_BASELINE}_)?ap_{_CLASS}_adv_ci95$": INTERVAL,
-        **of_baselines,
-        f"^map_ratio_delta_points_vs_{_BASELINE}$": NUMBER,
-        f"^map_ratio_delta_points_vs_{_BASELINE}_ci95$": INTERVAL,
-        f"^significant_vs_{_BASELINE}$": {"type": ["boolean", "null"]},
+        f"^boxes_{_CLASS}$": _described({"type": "integer"}, "number of evaluated objects of the class"),
+        f"^map_{_CRITERION}(_r11)?_clean$": _described(NUMBER, "mAP on the clean clouds, in [0, 1]"),
+        f"^map_{_CRITERION}_clean_ci95$": _described(INTERVAL, "95 % interval of the mAP"),
+        f"^ap_({_CRITERION}_)?{_CLASS}_clean$": _described(
+            NUMBER, f"{_PRECISION} on the clean clouds, in [0, 1]"
+        ),
+        f"^({_BASELINE}_)?ap_({_CRITERION}_)?{_CLASS}_adv$": _described(
+            NUMBER, f"{_PRECISION} on attacked clouds or those of a baseline, in [0, 1]"
+        ),
+        f"^ap_{_CLASS}_clean_ci95$": _described(INTERVAL, f"95 % interval of the strict {_PRECISION}"),
+        f"^({_BASELINE}_)?ap_{_CLASS}_adv_ci95$": _described(
+            INTERVAL, f"95 % interval of the strict {_PRECISION}"
+        ),
+        **{
+            f"^{_BASELINE}_{key}$": _or_null(_described(value, f"random baseline: {value['description']}"))
+            for key, value in metrics.items()
+        },
+        f"^map_ratio_delta_points_vs_{_BASELINE}$": _described(NUMBER, _DELTA),
+        f"^map_ratio_delta_points_vs_{_BASELINE}_ci95$": _described(INTERVAL, f"95 % interval of: {_DELTA}"),
+        f"^significant_vs_{_BASELINE}$": _described(
+            {"type": ["boolean", "null"]}, "whether that interval lies below 0; null without an interval"
+        ),
     }
     return {
         "type": "object",
@@ -143,8 +161,12 @@ def _defence() -> Schema:
         "description": _description(DefenceRecord),
         "properties": {**about, **attacked},
         "patternProperties": {
-            f"^ap_({_CRITERION}_)?{_CLASS}_(clean|adv)$": NUMBER,
-            f"^ap_{_CLASS}_(clean|adv)_ci95$": INTERVAL,
+            f"^ap_({_CRITERION}_)?{_CLASS}_(clean|adv)$": _described(
+                NUMBER, f"{_PRECISION} under the defence, in [0, 1]"
+            ),
+            f"^ap_{_CLASS}_(clean|adv)_ci95$": _described(
+                INTERVAL, f"95 % interval of the strict {_PRECISION}"
+            ),
         },
         "required": sorted(about),
         "additionalProperties": False,
@@ -164,20 +186,21 @@ def _object(record: type, optional: tuple[str, ...] = ()) -> Schema:
 def _properties(record: type) -> dict[str, Schema]:
     """The fields of a record that have a key of their own: average precisions have many, see `_row`."""
     properties: dict[str, Schema] = {}
-    for name, (hint, mark) in shape(record).items():
+    for name, (hint, mark, description) in described_fields(record).items():
         if isinstance(mark, Flat):
-            inner = _properties(_without_none(hint))
-            properties |= {mark.prefix + key: schema for key, schema in inner.items()}
+            for key, schema in _properties(_without_none(hint)).items():
+                properties[mark.prefix + key] = _described(schema, mark.about + schema["description"])
         elif not _is_nested(hint):
             is_left_out = isinstance(mark, LeftOut)
-            properties[key_of(name)] = _of_type(_without_none(hint) if is_left_out else hint)
+            of_type = _of_type(_without_none(hint) if is_left_out else hint)
+            properties[key_of(name)] = _described(of_type, description)
     return properties
 
 
 def _required(record: type) -> set[str]:
     """The keys that a record always has."""
     found: set[str] = set()
-    for name, (hint, mark) in shape(record).items():
+    for name, (hint, mark, _) in described_fields(record).items():
         if isinstance(mark, Flat) and isinstance(hint, type):
             found |= {mark.prefix + key for key in _required(hint)}
         elif mark is None and not _is_nested(hint):
@@ -222,8 +245,16 @@ def _or_null(schema: Schema) -> Schema:
     return {**schema, "type": [*kinds, "null"]} if kinds and "null" not in kinds else schema
 
 
-def _list(items: Schema) -> Schema:
-    return {"type": "array", "items": items}
+def _list(items: Schema, description: str = "") -> Schema:
+    return _described({"type": "array", "items": items}, description)
+
+
+def _texts(description: str) -> Schema:
+    return {"type": "object", "description": description, "additionalProperties": {"type": "string"}}
+
+
+def _described(schema: Schema, description: str) -> Schema:
+    return {**schema, "description": description} if description else schema
 
 
 def _description(record: type) -> str:

@@ -12,36 +12,38 @@ from advpipe.pipeline.results.listed import Flat, Listed
 class ScoreMetrics:
     """How well false messages are told apart from honest ones; each as in `misbehaviour.scores.Scores`."""
 
-    precision: float
-    recall: float
-    f1: float
-    mcc: float
-    latency_s: float
-    caught: float
-    false_positive_rate: float
+    precision: Annotated[float, "precision of flagged messages, in [0, 1]; null where none is flagged"]
+    recall: Annotated[float, "share of false messages that are flagged, in [0, 1]"]
+    f1: Annotated[float, "F1 of messages, in [0, 1]"]
+    mcc: Annotated[float, "Matthews' correlation coefficient, in [-1, 1]"]
+    latency_s: Annotated[
+        float, "mean time from an attacker's first false message to its first flagged one, in seconds"
+    ]
+    caught: Annotated[float, "share of attackers with any flagged false message, in [0, 1]"]
+    false_positive_rate: Annotated[float, "share of honest messages that are flagged, in [0, 1]"]
 
 
 @dataclass(frozen=True)
 class AttackScores:
     """Our detector and the baseline on the false messages of one attack and all honest messages."""
 
-    attack: str
-    false_messages: int
+    attack: Annotated[str, "name of the attack, with the part of a mix"]
+    false_messages: Annotated[int, "number of its false messages received"]
     ours: Annotated[ScoreMetrics, Flat("")]
-    baseline: Annotated[ScoreMetrics, Flat("baseline_")]
+    baseline: Annotated[ScoreMetrics, Flat("baseline_", "baseline: ")]
 
 
 @dataclass(frozen=True)
 class LdmMetrics:
     """A Local Dynamic Map against the truth: means over time, and the most false entries at once."""
 
-    known: float
-    stations: float
-    false_entries: float
-    false_entries_max: float
-    missing: float
-    displaced: float
-    error_m: float
+    known: Annotated[float, "mean number of entries"]
+    stations: Annotated[float, "mean number of stations within 150 m"]
+    false_entries: Annotated[float, "mean number of entries of stations that do not exist"]
+    false_entries_max: Annotated[float, "largest number of such entries at once"]
+    missing: Annotated[float, "mean number of stations within 150 m without an entry"]
+    displaced: Annotated[float, "mean number of entries more than 3 m from their station"]
+    error_m: Annotated[float, "mean distance of entries from their stations, in metres"]
 
 
 @dataclass(frozen=True)
@@ -52,13 +54,13 @@ class Warnings:
     alarms with no danger near in time; misses: dangers with no alarm. Seconds: how long each was on.
     """
 
-    alarms: int
-    dangers: int
-    false_alarms: int
-    misses: int
-    alarm_s: float
-    danger_s: float
-    false_alarm_s: float
+    alarms: Annotated[int, "number of collision warnings fed by the Local Dynamic Map"]
+    dangers: Annotated[int, "number of collision warnings fed by true positions"]
+    false_alarms: Annotated[int, "number of alarms without a danger within 1 s"]
+    misses: Annotated[int, "number of dangers without an alarm within 1 s"]
+    alarm_s: Annotated[float, "time with an alarm, in seconds"]
+    danger_s: Annotated[float, "time with a danger, in seconds"]
+    false_alarm_s: Annotated[float, "time with a false alarm, in seconds"]
 
 
 @dataclass(frozen=True)
@@ -69,12 +71,14 @@ class RadioMetrics:
     Of whole drives: bags do not record single pairs.
     """
 
-    cams: int
-    dropped: int
-    delivered: float
-    busy_mean: float
-    busy_max: float
-    delay_s: float
+    cams: Annotated[int, "number of messages sent by all stations, including attackers"]
+    dropped: Annotated[int, "number of messages generated but never sent"]
+    delivered: Annotated[
+        float, "share of pairs of message and receiver within 300 m that were delivered, in [0, 1]"
+    ]
+    busy_mean: Annotated[float, "channel busy ratio, mean over stations and time, in [0, 1]"]
+    busy_max: Annotated[float, "largest channel busy ratio of a station in 100 ms, in [0, 1]"]
+    delay_s: Annotated[float, "mean delay from request to reception, in seconds"]
 
 
 @dataclass(frozen=True)
@@ -87,18 +91,22 @@ class V2xRecord(Listed):
     in the clean drive. radio: None for a part of a drive.
     """
 
-    bag: str
-    vehicle: str
-    attack: str
-    false_messages: int
-    messages: int
-    undecoded: int
-    has_roads: bool
-    attacks: tuple[AttackScores, ...]
-    honest_delivered: float
-    honest_delivered_clean: float
+    bag: Annotated[str, "adversarial bag, or `clean`"]
+    vehicle: Annotated[str, "receiving vehicle"]
+    attack: Annotated[str, "names of the bag's attacks in one text; empty for the clean bag"]
+    false_messages: Annotated[int, "number of false messages received by all instrumented vehicles"]
+    messages: Annotated[int, "number of messages received by all instrumented vehicles"]
+    undecoded: Annotated[int, "number of received messages that are not CAMs and were not sent by an attack"]
+    has_roads: Annotated[bool, "whether the bag holds its roads, which some checks need"]
+    attacks: Annotated[tuple[AttackScores, ...], "the detectors' scores for each attack of the bag"]
+    honest_delivered: Annotated[
+        float, "share of untouched messages sent within 300 m that the vehicle received, in [0, 1]"
+    ]
+    honest_delivered_clean: Annotated[
+        float, "share of the same messages that it received in the clean drive, in [0, 1]"
+    ]
     ours: Annotated[ScoreMetrics, Flat("")]
-    baseline: Annotated[ScoreMetrics, Flat("baseline_")]
-    ldm: Annotated[LdmMetrics, Flat("ldm_")]
-    warning: Annotated[Warnings, Flat("warning_")]
-    radio: Annotated[RadioMetrics | None, Flat("radio_")]
+    baseline: Annotated[ScoreMetrics, Flat("baseline_", "baseline: ")]
+    ldm: Annotated[LdmMetrics, Flat("ldm_", "Local Dynamic Map: ")]
+    warning: Annotated[Warnings, Flat("warning_", "forward-collision warning: ")]
+    radio: Annotated[RadioMetrics | None, Flat("radio_", "radio channel: ")]

@@ -1,4 +1,4 @@
-"""The scenario file: one description of a drive."""
+"""The scenario file, which describes one drive."""
 
 from advpipe.pipeline.scenario.load import dump_scenario, load_scenario, shipped_scenarios
 from advpipe.pipeline.scenario.models import Scenario

@@ -1,4 +1,4 @@
-"""The section `attacks`: who attacks whom, when and how; the command line builds it from its options."""
+"""The section `attacks`: who attacks whom, when and how. The command line builds it from its options."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSom
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.options import parser_options
-from advpipe.pipeline.core.section import NotNegative, Section, Switch, Word
+from advpipe.pipeline.core.section import NotNegative, Reference, Section, Switch
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 
 NS_PER_S = 1_000_000_000
 BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
-"""A folder beside the clean bag."""
+"""The name of an adversarial bag: a folder beside the clean bag."""
 
 Value = Any
-"""A parameter of an attack: a number, a word, true, false, null, or a list of those."""
+"""A parameter of an attack: a number, a string, true, false, null, or a list of those."""
 
 LARGEST_NUMBER = 1e15
-"""Of any parameter: beyond it whole numbers and fractions lose their digits."""
+"""The largest absolute value of a parameter: larger ones lose digits in double precision."""
 
 LONGEST_TEXT = 4096
 MOST_ITEMS, MOST_LEVELS = 10_000, 2
@@ -45,26 +45,30 @@ def _help(name: str) -> str:
 
 
 def _shared(name: str, note: str = "", **bounds: Any) -> Any:
-    """The field of a section that is an option of `advpipe attack` too, with its default and help.
+    """A field that is also an option of `advpipe attack`, with the same default and help.
 
-    note: what the help does not say, as the command line shows it elsewhere.
+    note: appended to the help; the command line states it elsewhere.
     """
     return Field(getattr(AttackOptions, name), description=f"{_help(name)} {note}".strip(), **bounds)
 
 
 class Schedule(Section):
-    """When an attack is on. Times are seconds since the first message of the bag.
+    """When an attack acts. Times are seconds since the first message of the bag.
 
-    `continuous`: all the time. `periodic`: for `on_s` at the begin of every `period_s`, the first of which
-    begins at `from_s`. `random`: for each message or cloud by itself, with `probability`.
+    `continuous`: all the time. `periodic`: for `on_s` at the start of every `period_s`; the first period
+    starts at `from_s`. `random`: on each message or cloud independently, with `probability`.
     """
 
     from_s: NotNegative = _shared("from_s", le=1e6)
     to_s: DriveTimeS | None = _shared("to_s", "Excluded; the end of the recording if left out.")
     kind: Literal["continuous", "periodic", "random"] = "continuous"
-    period_s: DriveTimeS | None = Field(None, description="of a periodic schedule")
-    on_s: DriveTimeS | None = Field(None, description="of each period of a periodic schedule")
-    probability: ShareOfSome | None = Field(None, description="of a random schedule")
+    period_s: DriveTimeS | None = Field(None, description="length of a period of a periodic schedule")
+    on_s: DriveTimeS | None = Field(
+        None, description="time at the start of each period in which a periodic schedule acts"
+    )
+    probability: ShareOfSome | None = Field(
+        None, description="probability with which a random schedule acts on a message or cloud"
+    )
 
     @model_validator(mode="after")
     def _combinations(self) -> Schedule:
@@ -82,7 +86,7 @@ class Schedule(Section):
         return self
 
     def active(self, t_s: float, rng: np.random.Generator) -> bool:
-        """Whether the attack is on at `t_s`, to the nanosecond; a random schedule takes one draw a call."""
+        """Whether the attack acts at `t_s`, to the nanosecond; a random schedule takes one draw per call."""
         t_ns, from_ns = round(t_s * NS_PER_S), round(self.from_s * NS_PER_S)
         hit = self.probability is None or rng.random() < self.probability
         if t_ns < from_ns or (self.to_s is not None and t_ns >= round(self.to_s * NS_PER_S)):
@@ -92,25 +96,29 @@ class Schedule(Section):
         return hit
 
     def overlaps(self, other: Schedule) -> bool:
-        """Whether both spans, from `from_s` to `to_s`, have a moment in common."""
+        """Whether the intervals from `from_s` to `to_s` of both schedules overlap."""
         ends_s = [float("inf") if one.to_s is None else one.to_s for one in (self, other)]
         return self.from_s < ends_s[1] and other.from_s < ends_s[0]
 
 
 class RoadsideUnit(Section):
-    """A station of the attacker's beside the road, at a place in the map's frame."""
+    """A roadside station of the attacker, at a position in the map frame."""
 
     x_m: PlaceM
     y_m: PlaceM
-    z_m: HeightM = Field(3.0, description="of its antenna, as high as the map has it")
+    z_m: HeightM = Field(3.0, description="height of its antenna in the map frame")
 
 
 class Attackers(Section):
-    """Who sends the false messages: exactly one of the three."""
+    """The stations that send the false messages, by exactly one of these keys."""
 
-    vehicles: tuple[Word, ...] = Field((), max_length=10_000, description="their ids in /v2x/stations")
-    share: ShareOfSome | None = Field(None, description="of all stations, drawn from the seed")
-    roadside_unit: RoadsideUnit | None = None
+    vehicles: tuple[Reference, ...] = Field(
+        (), max_length=10_000, description="ids of the attackers in /v2x/stations"
+    )
+    share: ShareOfSome | None = Field(
+        None, description="share of all stations that attack, drawn from the seed"
+    )
+    roadside_unit: RoadsideUnit | None = Field(None, description="a roadside station that attacks")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Attackers:
@@ -124,22 +132,26 @@ class Attackers(Section):
 class AttackSpec(Section):
     """One attack: its name, how it is carried out, when, by whom and on whom.
 
-    What the name means, and which keys its family has no use for, stage attack knows.
+    The stage `attack` checks that the name is known and that the attack's family uses the keys that are set.
     """
 
     type: str = Field(
         pattern=r"^[A-Za-z_][A-Za-z0-9_.:-]*$", max_length=200, description=_help("type")
-    )  # no default: whoever writes a scenario says what he attacks with
-    recipe: Word | None = _shared("recipe", "Of a LiDAR attack; its best if left out.")
-    parameters: dict[Word, Value] = Field({}, max_length=1000, description="of this attack, by name")
+    )  # no default: a scenario names its attacks
+    recipe: Reference | None = _shared("recipe", "For a LiDAR attack; its best recipe by default.")
+    parameters: dict[Reference, Value] = Field(
+        {}, max_length=1000, description="parameters of this attack by name"
+    )
     schedule: Schedule = Schedule()
-    attackers: Attackers | None = Field(None, description="of an attack by V2X messages")
-    victim: Word | None = _shared("victim")
-    seed_name: Word = Field("", description="draws differ between attacks of different names")
+    attackers: Attackers | None = Field(None, description="the attackers of a V2X attack")
+    victim: Reference | None = _shared("victim")
+    seed_name: Reference = Field(
+        "", description="a name from which random draws derive; attacks of different names draw differently"
+    )
     dcc_reacts: Switch = _shared("dcc_reacts")
-    lidar: Word | None = _shared("lidar")
-    frames: Word = _shared("frames", "Of a LiDAR attack.")
-    detector: str = _shared("detector", "The one that a LiDAR attack fools.", max_length=4096)
+    lidar: Reference | None = _shared("lidar")
+    frames: Reference = _shared("frames", "For a LiDAR attack.")
+    detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)
 
     @field_validator("parameters")
     @classmethod
@@ -149,7 +161,7 @@ class AttackSpec(Section):
     @field_validator("frames", mode="before")
     @classmethod
     def _quoted(cls, frames: Any) -> Any:
-        if isinstance(frames, int):  # other readers of YAML count in sixties: to them 0:30 is 30
+        if isinstance(frames, int):  # YAML 1.1 has sexagesimal numbers: 0:30 is 30
             raise ValueError("is a number to YAML; write it in quotes, such as '0:30'")
         return frames
 
@@ -163,14 +175,14 @@ class AttackSpec(Section):
         return text
 
     @model_validator(mode="after")
-    def _nobody_attacks_himself(self) -> AttackSpec:
+    def _victim_is_no_attacker(self) -> AttackSpec:
         if self.attackers is not None and self.victim in self.attackers.vehicles:
             raise ValueError(f"{self.victim} is both attacker and victim of {self.type}; name another")
         return self
 
 
 def _plain_value(name: str, value: Value, levels: int = 0) -> Value:
-    """The value, lists as tuples; ValueError for a number without end, and for what is no plain value."""
+    """The value with lists as tuples. Raises ValueError for an infinite number and for no plain value."""
     if isinstance(value, (list, tuple)):
         if len(value) > MOST_ITEMS or levels > MOST_LEVELS:
             raise ValueError(f"{shorten(name)} holds more than {MOST_ITEMS} values or nests lists too deeply")
@@ -190,7 +202,7 @@ def _plain_value(name: str, value: Value, levels: int = 0) -> Value:
 
 
 class OneOrMany:
-    """Marks a list that may be written as its only item."""
+    """Marks a list with one item that may be written as the item alone."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         def as_list(value: Any) -> Any:
@@ -208,14 +220,14 @@ class OneOrMany:
 
 
 BagAttacks = Annotated[tuple[AttackSpec, ...], OneOrMany()]
-"""What is done to one bag: an attack, or several that are carried out together."""
+"""The attacks on one bag: one, or several that are carried out together."""
 
 Attacks = dict[BagName, BagAttacks]
 """The adversarial bags by name."""
 
 
 def attack_spec(keys: Mapping[str, Any]) -> AttackSpec:
-    """An attack from the keys of the scenario file; raises AdvpipeError, one line, for a bad one."""
+    """An attack from keys of the scenario file. Raises AdvpipeError, one line, for an invalid value."""
     try:
         return AttackSpec.model_validate(keys)
     except ValidationError as error:

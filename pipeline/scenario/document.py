@@ -1,4 +1,4 @@
-"""A scenario's YAML: plain values, aliases written out within bounds, and the line of each key."""
+"""A bounded reader of a scenario's YAML: plain values, with aliases expanded, and the line of each key."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ else:
 LIMIT_BYTES = 4_000_000
 MOST_LEVELS = 50
 MOST_NODES = 100_000
-"""Keys, values and lists, those that aliases repeat counted each time: some 50 MB as Python's own values."""
+"""Keys, values and lists; those that aliases repeat count each time. Python takes some 50 MB for them."""
 
 MOST_CHARACTERS = LIMIT_BYTES
-"""Of all texts, counted likewise: aliases make no text longer than a file may be without them."""
+"""Characters of all strings, counted likewise: aliases expand to no more than a file may hold."""
 
 LONGEST_NUMBER = 100
-"""Characters of a number; the largest that any key takes has 19 digits."""
+"""Characters of a number; the largest number that any key allows has 19 digits."""
 
 _YAML = "tag:yaml.org,2002:"
 _PLAIN = {f"{_YAML}{name}" for name in ("str", "int", "float", "bool", "null", "timestamp")}
@@ -32,14 +32,15 @@ _NUMBERS = (f"{_YAML}int", f"{_YAML}float")
 _MERGE = f"{_YAML}merge"
 
 _UNPRINTED = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
-"""What names no file and a terminal obeys: controls but tab and newline, and surrogates."""
+"""Characters that no file name may hold or that a terminal interprets: controls other than tab and newline,
+and surrogates."""
 
 _BAD_VALUES = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
-"""What PyYAML raises, beside its own errors, on a value that is not of its tag: `!!bool x`."""
+"""Exceptions of PyYAML, besides its own, for a value that does not fit its tag: `!!bool x`."""
 
 
 class DocumentError(ValueError):
-    """Why a text is no document of plain values. line: counted from 1, None where no line is to blame."""
+    """The text is not a document of plain values. line: counted from 1, or None where no line is at fault."""
 
     def __init__(self, problem: str, line: int | None = None) -> None:
         super().__init__(problem)
@@ -48,13 +49,13 @@ class DocumentError(ValueError):
 
 @dataclass(frozen=True)
 class ScenarioText:
-    """The values of a text, and where they stand; nothing in `tree` is shared, so that it may be changed."""
+    """The values of a text and the lines of its keys; nothing in `tree` is shared, so it may be changed."""
 
     tree: Any
     _root: yaml.Node | None
 
     def lines(self) -> dict[tuple[str, ...], int]:
-        """The line of the text that each key stands in; what an alias repeats counts once."""
+        """The line of each key, by the key's path; keys that an alias repeats are listed once."""
         found: dict[tuple[str, ...], int] = {}
         visited: set[int] = set()
 
@@ -73,10 +74,10 @@ class ScenarioText:
 
 
 def read_document(text: str) -> ScenarioText:
-    """The document in a text.
+    """Parse a YAML text to plain values.
 
-    Raises DocumentError for a text that is no YAML or too large with its aliases written out, a tag that is
-    not of plain values, a key given twice, a value that does not exist, and a character that cannot be shown.
+    Raises DocumentError for a text that is not YAML or is too large with its aliases expanded, an unsupported
+    tag, a repeated key, an invalid value (such as 30 February), and a character that cannot be shown.
     """
     if len(text) > LIMIT_BYTES:
         raise DocumentError(f"{len(text)} characters; at most {LIMIT_BYTES} are read")
@@ -99,7 +100,7 @@ def read_document(text: str) -> ScenarioText:
 
 
 def _check_events(text: str) -> None:
-    """Bounds what is about to be composed, before it takes memory: how much, and how deep."""
+    """Bound the number of nodes and their depth before they are composed, which takes memory."""
     count = level = 0
     for event in yaml.parse(text, Loader=_Fastest):
         line = event.start_mark.line + 1 if event.start_mark else None
@@ -112,13 +113,13 @@ def _check_events(text: str) -> None:
 
 
 class _Sizes:
-    """How many nodes and characters a node stands for once its aliases are expanded."""
+    """Counts the nodes and characters of a node with its aliases expanded."""
 
     def __init__(self) -> None:
         self._of: dict[int, tuple[int, int, int] | None] = {}
 
     def add(self, node: yaml.Node) -> tuple[int, int, int]:
-        """Nodes, characters and levels; DocumentError beyond the bounds, and for a node that holds itself."""
+        """Count nodes, characters and levels. Raises DocumentError above a limit or for a cyclic node."""
         if id(node) in self._of:
             known = self._of[id(node)]
             if known is None:
@@ -146,7 +147,7 @@ class _Sizes:
 
 
 class _Plain(yaml.SafeLoader):
-    """Makes values of nodes, each anew."""
+    """Constructs the value of a node, anew for each use of an alias."""
 
     def value_of(self, node: yaml.Node) -> Any:
         if isinstance(node, yaml.ScalarNode):
@@ -179,7 +180,7 @@ class _Plain(yaml.SafeLoader):
         return {**merged, **own}
 
     def _merged(self, node: yaml.Node) -> dict[str, Any]:
-        """What `<<` brings: one mapping, or several, of which the first wins."""
+        """The keys that `<<` merges from one mapping or several; the first mapping has precedence."""
         parts = node.value if isinstance(node, yaml.SequenceNode) else [node]
         values = [self.value_of(part) for part in parts]
         if not all(isinstance(value, dict) for value in values):
@@ -192,7 +193,7 @@ class _Plain(yaml.SafeLoader):
         if found := _UNPRINTED.search(node.value):
             raise DocumentError(_unprinted(found[0]), _line(node))
         if node.tag in _NUMBERS and ":" in node.value and not node.style:
-            return node.value  # YAML 1.1 counts in sixties: to it 1:30 is 90, to everybody else a word
+            return node.value  # sexagesimal in YAML 1.1: 1:30 would be 90; here it is a string
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
             raise DocumentError(
                 f"a number has {len(node.value)} characters; at most {LONGEST_NUMBER} are read", _line(node)

@@ -1,4 +1,4 @@
-"""Reading scenario files: overrides, and errors that name the place and the nearest key."""
+"""Loads scenario files, applies overrides, and reports errors with the line and the nearest known key."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from advpipe.pipeline.scenario.models import Scenario
 
 
 def shipped_scenarios() -> dict[str, Path]:
-    """The scenarios that come with advpipe: name to file."""
+    """The shipped scenarios: a mapping from name to file."""
     return {path.stem: path for path in sorted(shipped_folder().glob("*.yaml"))}
 
 
 def shipped_folder() -> Path:
-    """Where the shipped scenarios lie, with their road networks in `networks/`."""
+    """The folder of the shipped scenarios, with their road networks in `networks/`."""
     return Path(str(files("advpipe.scenarios")))
 
 
 def load_scenario(
     name_or_path: str | os.PathLike[str], overrides: Sequence[str] | Mapping[str, object] = ()
 ) -> Scenario:
-    """A scenario from a file, or one of the shipped ones by name.
+    """Load a scenario from a file, or a shipped scenario by name.
 
-    overrides: keys to set, as a mapping from `section.key` to a value, or as texts `section.key=value` with
-    the value in YAML. The map's path is made absolute: that of the file is relative to its folder or names a
-    shipped network, that of an override is relative to the working directory.
+    overrides: keys to set, as a mapping from `section.key` to a value, or as strings `section.key=value` with
+    the value in YAML. Paths are made absolute: a path in the file is relative to the file's folder (or names
+    a shipped road network), and a path in an override is relative to the working directory.
 
-    Raises AdvpipeError, one line with the place in the file, for a scenario that is none.
+    Raises AdvpipeError, one line with the file and the line number, for an invalid scenario.
 
     >>> load_scenario("smoke", {"simulation.duration_s": 2}).simulation.duration_s
     2.0
@@ -58,19 +58,19 @@ def load_scenario(
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as YAML: every key but the attacks, defaults included.
+    """The resolved scenario as YAML: every key except the attacks, including defaults.
 
-    Of a path only the file name stays: a data set does not reveal paths of its author's machine.
+    Only the file name of a path is kept, so that a data set does not reveal paths of its author's machine.
     """
     tree = scenario_tree(scenario)
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
 
 
 def scenario_tree(scenario: Scenario) -> dict[str, Any]:
-    """The resolved scenario as plain values, files by their names; without its attacks.
+    """The resolved scenario as plain values, without its attacks; only the file names of paths are kept.
 
-    A drive knows nothing of what is done to it later: its bytes are the same with other attacks. Each
-    adversarial bag has its own in attack.yaml.
+    The bytes of a clean bag therefore do not depend on attacks. The attacks of an adversarial bag are in its
+    attack.yaml.
     """
     tree: dict[str, Any] = scenario.model_dump(mode="json", exclude={"attacks"})
     for section, key in _files(tree):
@@ -109,7 +109,7 @@ def _read(path: Path) -> ScenarioText:
 
 
 def _files(tree: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """Every key of the tree that holds a path: its section and its name."""
+    """All keys of the tree that hold a path, each as its section and its name."""
     return [
         (section, place[-1])
         for place in FILE_PLACES
@@ -129,7 +129,7 @@ def _sections(tree: Any, place: tuple[str, ...]) -> list[dict[str, Any]]:
 
 
 def _file_places(model: type[BaseModel]) -> list[tuple[str, ...]]:
-    """Where the model has keys that hold a path; `*` stands for every key of a mapping or item of a list."""
+    """The key paths of a model that hold a file path; `*` is any key of a mapping or item of a list."""
     places: list[tuple[str, ...]] = []
     for name, field in model.model_fields.items():
         parts, is_many = [field.annotation], False
@@ -150,7 +150,7 @@ def _file_places(model: type[BaseModel]) -> list[tuple[str, ...]]:
 
 FILE_PLACES = _file_places(Scenario)
 MOST_KEYS = 12
-"""Of a place in `--set`; no key of a scenario lies so deep."""
+"""Keys in a path of `--set`; no key of a scenario is nested so deeply."""
 
 LONGEST_MESSAGE = 1000
 
@@ -162,12 +162,12 @@ def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
             section[key] = str(path.resolve())
         elif os.path.isfile(shipped):
             section[key] = str(shipped.resolve())
-        elif folder != shipped_folder():  # the map that a shipped scenario lacks is the user's
+        elif folder != shipped_folder():  # a shipped scenario without its map needs the user's
             section[key] = str(path.absolute())
 
 
 def _setting(override: str) -> tuple[str, object]:
-    """Place and value of an override that is a text."""
+    """The key path and the value of an override `section.key=value`."""
     place, equals, text = override.partition("=")
     if not equals or not _is_place(place):
         raise AdvpipeError(f"--set {short_repr(override)}: write section.key=value")
@@ -183,7 +183,7 @@ def _is_place(place: str) -> bool:
 
 
 def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
-    """Sets one key, and returns its place."""
+    """Set one key and return its path."""
     if not _is_place(place):
         raise AdvpipeError(f"{short_repr(place)} is not a key of a scenario; write section.key")
     keys, section = place.strip().split("."), tree
@@ -205,7 +205,7 @@ def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
 def _error_line(
     error: ValidationError, path: Path, document: ScenarioText, overridden: Sequence[tuple[str, ...]]
 ) -> str:
-    """The first problem in one line: file and line or `--set`, place, what is wrong, nearest key."""
+    """The first error in one line: file and line, or `--set`; the key; what is wrong; the nearest key."""
     first = error.errors()[0]
     place = tuple(str(part) for part in first["loc"] if part != "[key]")
     message = shorten(first["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
@@ -240,8 +240,8 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     return [model for part in typing.get_args(annotation) for model in _models_in(part)]
 
 
-def _nearest(word: str, known: list[str], otherwise: str | None = None) -> str:
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+def _nearest(name: str, known: list[str], otherwise: str | None = None) -> str:
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; known: {', '.join(known)}" if otherwise is None else otherwise

@@ -1,4 +1,4 @@
-"""The section `map`: the road network and where on the Earth it lies."""
+"""The section `map`: the road network and its geographic origin."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAP_SOURCES = ("opendrive", "sumo_net", "generator")
 
 
 class GeoOrigin(Section):
-    """Where the map's origin lies on the Earth."""
+    """The geographic position (WGS 84) of the origin of the map frame."""
 
     latitude_deg: Number = Field(48.1351, ge=-85, le=85)
     longitude_deg: Number = Field(11.5820, ge=-180, le=180)
@@ -21,19 +21,19 @@ class GeoOrigin(Section):
 
 
 class Generator(Section):
-    """A network drawn by SUMO's netgenerate, from the scenario's seed."""
+    """A road network that SUMO's netgenerate draws from the scenario's seed."""
 
     kind: Literal["grid", "spider", "random"] = "grid"
     size: Whole = Field(
         4,
         ge=2,
         le=40,
-        description="junctions along a side of a grid; arms of a spider, with half as many rings; "
-        "a random network has about its square of junctions",
+        description="junctions along each side of a grid; arms of a spider web, with half as many rings; "
+        "a random network has about size² junctions",
     )
     block_m: BlockM = Field(160.0, description="distance between junctions")
-    lanes: Whole = Field(2, ge=1, le=4, description="of each direction")
-    speed_mps: Positive = Field(13.89, ge=1, le=70)
+    lanes: Whole = Field(2, ge=1, le=4, description="lanes in each direction")
+    speed_mps: Positive = Field(13.89, ge=1, le=70, description="speed limit")
 
 
 class Map(Section):

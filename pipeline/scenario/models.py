@@ -1,4 +1,4 @@
-"""The scenario file as a whole: its sections, and what they ask of each other."""
+"""The scenario file as a whole: its sections, and the checks across them."""
 
 from __future__ import annotations
 
@@ -28,36 +28,36 @@ TAKEN_NAMES = ("clean", "reports")
 
 
 class Recording(Section):
-    """What is written."""
+    """How the bag is written."""
 
-    compression: Literal["none", "lz4", "zstd"] = "zstd"
-    markers: Switch = Field(True, description="boxes as markers for RViz and Foxglove")
+    compression: Literal["none", "lz4", "zstd"] = Field("zstd", description="compression of the bag's chunks")
+    markers: Switch = Field(True, description="record boxes as markers for RViz and Foxglove, too")
 
 
 class Scenario(Section):
-    """One drive: the whole scenario file."""
+    """A scenario file, which describes one drive."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)
     description: str = Field("", max_length=100_000)
     simulation: Simulation = Simulation()
     map: Map
     traffic: Traffic = Traffic()
-    trajectories: Trajectories | None = Field(None, description="vehicles that are moved from outside")
+    trajectories: Trajectories | None = Field(None, description="vehicles that follow given trajectories")
     vehicles: Vehicles = Field(
-        {"ego": Vehicle()}, max_length=200, description="the instrumented vehicles by name"
+        {"ego": Vehicle()}, max_length=200, description="instrumented vehicles by name"
     )
     bodies: dict[Name, UserBody] = Field(
-        {}, max_length=1000, description="bodies of the user's, for `mix` and `vehicles`"
+        {}, max_length=1000, description="bodies of your own by name, for `mix` and `vehicles`"
     )
     sensors: Sensors = Sensors()
     environment: Environment = Environment()
     world: Implementation = Field(
-        "raycast", description="what sensors see: raycast, or module:Class of your own"
+        "raycast", description="simulator of what sensors see: raycast, or module:Class of your own"
     )
     v2x: V2x = V2x()
     recording: Recording = Recording()
     attacks: Attacks = Field(
-        {}, max_length=1000, description="bags that `advpipe run` makes of the drive, by name"
+        {}, max_length=1000, description="adversarial bags that `advpipe run` makes of the drive, by name"
     )
 
     @model_validator(mode="after")

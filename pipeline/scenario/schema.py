@@ -1,4 +1,4 @@
-"""The JSON Schema of scenario files: what editors complete and check them with."""
+"""The JSON Schema of scenario files, with which editors complete and check them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def scenario_schema() -> dict[str, Any]:
     """The schema as plain values: every key with its type, bounds, default and description.
 
-    Keys that hold a path have the format `path`. What keys ask of each other is not in it; `load_scenario`
-    checks that.
+    Keys that hold a path have the format `path`. Constraints across keys are not in the schema;
+    `load_scenario` checks them.
     """
     schema = _closed(Scenario.model_json_schema())
     return {"$schema": DIALECT, **schema, "title": "advpipe scenario"}
 
 
 def _closed(node: Any) -> Any:
-    """The same schema; mappings whose names have a pattern refuse the names that do not fit."""
+    """The same schema with mappings whose names have a pattern closed to names that do not match it."""
     if isinstance(node, list):
         return [_closed(item) for item in node]
     if not isinstance(node, dict):
@@ -31,4 +31,5 @@ def _closed(node: Any) -> Any:
 
 
 def schema_json() -> str:
+    """The schema as an indented JSON text."""
     return json.dumps(scenario_schema(), indent=2, ensure_ascii=False)

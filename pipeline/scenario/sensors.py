@@ -1,4 +1,4 @@
-"""The section `sensors`: what the instrumented vehicles carry, as the registry of sensors has it."""
+"""The section `sensors`: the sensors of the instrumented vehicles; its keys are those of the registry."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.pipeline.sensors.sensor import DriveSettings, MountedSection, MountedSensor, Sensor
 
 VEHICLE_FRAMES = ("base_link", "imu", "odom")
-"""Frames that each vehicle has beside those of its mounted sensors, which have their names."""
+"""Frames that each vehicle has besides those of its mounted sensors, which are named after the sensors."""
 
 
 class CarriedSensors(Section):
-    """What the instrumented vehicles carry: LiDARs by name, and on each vehicle all the rest."""
+    """The sensors of the instrumented vehicles: LiDARs by name; each vehicle carries all other sensors."""
 
     @model_validator(mode="after")
     def _frames(self) -> CarriedSensors:
@@ -36,41 +36,41 @@ class CarriedSensors(Section):
         return self
 
     def mounted(self) -> Iterator[tuple[str, str, MountedSection]]:
-        """Every sensor that is carried by name: its place in the section, its name, and its settings."""
-        for key, kind in SENSORS.items():
-            if issubclass(kind, MountedSensor):
+        """Yield every sensor that is configured by name: its key path in this section, name and settings."""
+        for key, sensor in SENSORS.items():
+            if issubclass(sensor, MountedSensor):
                 for name, section in getattr(self, key).items():
                     yield f"{key}.{name}", name, section
 
     def mounted_by(self, vehicle: str) -> Iterator[tuple[str, type[MountedSensor[Any]]]]:
-        """The kinds of which a vehicle carries any by name, with their keys."""
-        for key, kind in SENSORS.items():
-            if issubclass(kind, MountedSensor) and kind.carried_by(vehicle, getattr(self, key)):
-                yield key, kind
+        """Yield the class of each sensor that a vehicle carries by name, with its key in this section."""
+        for key, sensor in SENSORS.items():
+            if issubclass(sensor, MountedSensor) and sensor.carried_by(vehicle, getattr(self, key)):
+                yield key, sensor
 
     def mounted_on(self, vehicle: str, drive: DriveSettings) -> list[MountedSensor[Any]]:
-        """Those of a vehicle, made for a drive."""
+        """Make the sensors that a vehicle carries by name, for a drive."""
         return [
-            kind(vehicle, kind.carried_by(vehicle, getattr(self, key)), drive)
-            for key, kind in self.mounted_by(vehicle)
+            sensor(vehicle, sensor.carried_by(vehicle, getattr(self, key)), drive)
+            for key, sensor in self.mounted_by(vehicle)
         ]
 
     def carried_by(self, vehicle: str) -> Iterator[tuple[type[Sensor[Any]], Mapping[str, Section]]]:
-        """All sensors of a vehicle, kind by kind, by their names."""
-        for key, kind in SENSORS.items():
-            yield kind, kind.carried_by(vehicle, getattr(self, key))
+        """Yield each class of sensors with the settings of those that a vehicle carries, by name."""
+        for key, sensor in SENSORS.items():
+            yield sensor, sensor.carried_by(vehicle, getattr(self, key))
 
     def check(self, step_s: float) -> None:
-        """ValueError where sensors do not fit the step, or ask for too much together."""
-        for key, kind in SENSORS.items():
+        """Raise ValueError for sensors whose rates do not fit the step, or that are too many together."""
+        for key, sensor in SENSORS.items():
             configured = getattr(self, key)
-            kind.check(configured if issubclass(kind, MountedSensor) else {"": configured}, step_s)
+            sensor.check(configured if issubclass(sensor, MountedSensor) else {"": configured}, step_s)
 
 
 if TYPE_CHECKING:
 
     class Sensors(CarriedSensors):
-        """What localisation on board reads; all other keys are read through the registry."""
+        """The keys that on-board localisation reads; all other keys are read through the registry."""
 
         gnss: GnssSensor = GnssSensor()
         imu: ImuSensor = ImuSensor()
@@ -83,6 +83,6 @@ else:
         __base__=CarriedSensors,
         __module__=__name__,
         __doc__=CarriedSensors.__doc__,
-        **{key: kind.scenario_field() for key, kind in SENSORS.items()},
+        **{key: sensor.scenario_field() for key, sensor in SENSORS.items()},
         localisation=(LocalisationFilter, LocalisationFilter()),
     )

@@ -1,4 +1,4 @@
-"""The section `simulation`: clock and chance."""
+"""The section `simulation`: the seed, the clock and the duration."""
 
 from __future__ import annotations
 
@@ -11,16 +11,21 @@ from advpipe.pipeline.core.section import NotNegative, Section, Whole
 
 
 class Simulation(Section):
-    """Clock and chance."""
+    """The seed, the clock and the duration."""
 
-    seed: Whole = Field(1, ge=0, lt=2**63, description="every random draw of the drive derives from it")
-    duration_s: DriveTimeS = Field(20.0, description="recorded time")
+    seed: Whole = Field(
+        1, ge=0, lt=2**63, description="seed from which every random draw of the drive derives"
+    )
+    duration_s: DriveTimeS = Field(20.0, description="length of the recording in simulated seconds")
     step_s: DriveTimeS = Field(
         0.1, le=1.0, description="step of the V2X clock, which traffic and sensors follow"
     )
-    warmup_s: NotNegative = Field(15.0, le=86_400, description="simulated before the recording starts")
+    warmup_s: NotNegative = Field(
+        15.0, le=86_400, description="time that is simulated before the recording starts"
+    )
     start: datetime = Field(
-        datetime(2026, 1, 1, 12, tzinfo=timezone.utc), description="date that the recording starts at"
+        datetime(2026, 1, 1, 12, tzinfo=timezone.utc),
+        description="simulated date and time of the start of the recording, with a time zone",
     )
 
     @model_validator(mode="after")
@@ -40,7 +45,7 @@ class Simulation(Section):
 
     @property
     def frames(self) -> int:
-        """Recorded steps."""
+        """The number of recorded steps."""
         return round(self.duration_s / self.step_s)
 
     @property
@@ -49,5 +54,5 @@ class Simulation(Section):
         return int(self.start.timestamp()) * 1_000_000_000 + self.start.microsecond * 1000
 
     def stamp_ns(self, frame: int) -> int:
-        """The time stamp of a recorded frame, exact to the nanosecond."""
+        """The time stamp of a recorded frame in nanoseconds since 1970, exact to the nanosecond."""
         return self.start_ns + frame * round(self.step_s * 1e9)

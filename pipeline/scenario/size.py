@@ -1,4 +1,4 @@
-"""What a scenario's numbers come to together, estimated before anything starts."""
+"""Estimates the steps and the disk space of a scenario before it is simulated."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ if TYPE_CHECKING:
     from advpipe.pipeline.scenario.models import Scenario
 
 MOST_BYTES = 10e12
-"""Of a recording before compression: a day of a 64-channel LiDAR takes 2 TB, and 10 fill a large disk."""
+"""Largest recording before compression: a day of a 64-channel LiDAR takes 2 TB; 10 TB fill a large disk."""
 
 MOST_STEPS = 20_000_000
-"""Of a drive: eleven days at 20 Hz; computing them takes weeks."""
+"""Most steps of a drive: eleven days at 20 Hz, which take weeks to compute."""
 
 STEP_BYTES = 4000
-"""Of one vehicle's other messages in a step: odometry, transforms, ground truth."""
+"""Bytes of the other messages of a vehicle in one step: odometry, transforms, ground truth."""
 
 
 def check_size(scenario: Scenario) -> None:
-    """ValueError, with the estimate, where a drive would take more steps or disk than there is."""
+    """Raise ValueError, with the estimate, if a drive would take too many steps or too much disk space."""
     clock = scenario.simulation
     steps = round((clock.warmup_s + clock.duration_s) / clock.step_s)
     if steps > MOST_STEPS:
@@ -34,13 +34,13 @@ def check_size(scenario: Scenario) -> None:
 
 
 def estimated_bytes(scenario: Scenario) -> float:
-    """Of the recording before compression, by its sensors and steps."""
+    """The estimated size in bytes of the recording before compression."""
     clock = scenario.simulation
-    of_sensors_per_s = sum(
-        kind.bytes_per_s(section)
+    sensor_bytes_per_s = sum(
+        sensor.bytes_per_s(section)
         for vehicle in scenario.vehicles
-        for kind, sections in scenario.sensors.carried_by(vehicle)
+        for sensor, sections in scenario.sensors.carried_by(vehicle)
         for section in sections.values()
     )
-    of_steps_per_s = len(scenario.vehicles) * STEP_BYTES / clock.step_s
-    return clock.duration_s * (of_sensors_per_s + of_steps_per_s)
+    step_bytes_per_s = len(scenario.vehicles) * STEP_BYTES / clock.step_s
+    return clock.duration_s * (sensor_bytes_per_s + step_bytes_per_s)

@@ -1,4 +1,4 @@
-"""The sections `traffic`, `trajectories`, `vehicles` and `bodies`: who is on the road, and who drives."""
+"""The sections `traffic`, `trajectories`, `vehicles` and `bodies`: the road users and what moves them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from advpipe.pipeline.core.bounds import AccelerationMps2, MeshScale, SpeedMps
-from advpipe.pipeline.core.section import File, Name, NotNegative, Section, Whole, Word
+from advpipe.pipeline.core.section import File, Name, NotNegative, Reference, Section, Whole
 
 BODIES = (
     "sedan",
@@ -24,39 +24,43 @@ BODIES = (
     "scooter",
     "bicycle",
 )
-"""Bodies that drive on the road and come with advpipe; people on foot are counted by `pedestrians`."""
+"""Built-in bodies of vehicles; the key `pedestrians` sets the number of people on foot."""
 
 PEOPLE = ("pedestrian", "pedestrian_backpack", "pedestrian_suitcase", "pedestrian_umbrella", "child")
-"""People on foot that come with advpipe."""
+"""Built-in bodies of people on foot."""
 
 
 class UserBody(Section):
-    """A body of the user's: a mesh file, x forward, z up; it fits the box that the mesh fills."""
+    """A body given by the user's mesh, x forward and z up; its box is the mesh's bounding box."""
 
     mesh: File = Field(description="path of an .obj, .ply, .stl, .glb or .off file")
     label: Literal["car", "truck", "cyclist", "pedestrian"] = Field(
         "car", description="class in the ground truth"
     )
-    material: Word = Field("paint_silver", description="of the whole mesh")
-    scale: MeshScale = Field(1.0, description="metres for each unit of the mesh")
-    max_speed_mps: SpeedMps = 50.0
-    acceleration_mps2: AccelerationMps2 = 2.6
+    material: Reference = Field("paint_silver", description="material of the whole mesh")
+    scale: MeshScale = Field(1.0, description="metres per unit of the mesh")
+    max_speed_mps: SpeedMps = Field(50.0, description="highest speed")
+    acceleration_mps2: AccelerationMps2 = Field(2.6, description="highest acceleration")
 
 
 class SumoServer(Section):
-    """SUMO as a server of its own, which other programs may share; with `transport: traci` alone."""
+    """SUMO as a separate server that other programs may share; only with `transport: traci`."""
 
     join: str | None = Field(
         None,
         pattern=r"^[A-Za-z0-9.-]{1,253}:[0-9]{1,5}$",
-        description="host:port of a SUMO that runs already; one is started if left out",
+        description="host:port of a running SUMO to join; by default advpipe starts one",
     )
-    port: Whole | None = Field(None, ge=1, le=65535, description="where ours listens; a free one if left out")
-    clients: Whole = Field(1, ge=1, le=100, description="programs that step ours together, advpipe included")
+    port: Whole | None = Field(
+        None, ge=1, le=65535, description="port of the SUMO that advpipe starts; a free one by default"
+    )
+    clients: Whole = Field(
+        1, ge=1, le=100, description="number of clients of the SUMO that advpipe starts, advpipe included"
+    )
     order: Whole = Field(1, ge=1, le=2**31 - 1, description="advpipe's turn among the clients in each step")
 
     @model_validator(mode="after")
-    def _whose(self) -> SumoServer:
+    def _join_or_start(self) -> SumoServer:
         if self.join is not None and (self.port is not None or self.clients > 1):
             raise ValueError(
                 "port and clients apply only to a SUMO server that advpipe starts; leave them out "
@@ -66,18 +70,20 @@ class SumoServer(Section):
 
 
 class Traffic(Section):
-    """Who is on the road besides the instrumented vehicles, and what moves them."""
+    """The road users besides the instrumented vehicles, and what moves them."""
 
-    source: Word = Field(
+    source: Reference = Field(
         "sumo",
-        description="sumo; trajectories (those of the table and nobody else); or module:Class of your own",
+        description="sumo; trajectories (only the vehicles of the table, without SUMO); or module:Class of "
+        "your own",
     )
     transport: Literal["libsumo", "traci"] = Field(
-        "libsumo", description="SUMO in this process, or a server; both give the same traffic"
+        "libsumo",
+        description="SUMO in this process (libsumo) or as a server (traci); both give the same traffic",
     )
     server: SumoServer = SumoServer()
-    vehicles: Whole = Field(80, ge=0, le=5000, description="kept on the network all the time")
-    mix: dict[Word, Annotated[NotNegative, Field(le=1e6)]] = Field(
+    vehicles: Whole = Field(80, ge=0, le=5000, description="number of vehicles on the network at any time")
+    mix: dict[Reference, Annotated[NotNegative, Field(le=1e6)]] = Field(
         {
             "sedan": 0.22,
             "hatchback": 0.18,
@@ -93,18 +99,19 @@ class Traffic(Section):
             "scooter": 0.02,
             "bicycle": 0.06,
         },
-        description="share of each body; normalised to one",
+        description="share of each body among the vehicles; the shares are normalised to a sum of 1",
     )
-    pedestrians: Whole = Field(40, ge=0, le=5000, description="people on foot beside the roads")
+    pedestrians: Whole = Field(40, ge=0, le=5000, description="number of people on foot beside the roads")
     parked_per_km: NotNegative = Field(15.0, le=150, description="parked cars per kilometre of kerb")
     routes: File | None = Field(
         None,
-        description="a SUMO route file of the user's, which replaces `vehicles` and `mix`; "
+        description="path of a SUMO route file of your own, which replaces `vehicles` and `mix`; "
         "its times count from the start of the warm-up",
     )
     sumo_config: File | None = Field(
         None,
-        description="a .sumocfg of the user's: its route and additional files replace `vehicles` and `mix`",
+        description="path of a .sumocfg of your own, whose route and additional files replace `vehicles` and "
+        "`mix`",
     )
 
     @model_validator(mode="after")
@@ -119,7 +126,7 @@ class Traffic(Section):
 
 
 class Trajectories(Section):
-    """Vehicles that are moved from outside; SUMO's own traffic reacts to them (world-driven mode)."""
+    """Vehicles that follow given trajectories; SUMO's traffic reacts to them (world-driven mode)."""
 
     file: File = Field(
         description="CSV or Parquet table: id, time_s, x_m, y_m, z_m, yaw_rad (pitch_rad, roll_rad), body"
@@ -129,17 +136,19 @@ class Trajectories(Section):
 class Vehicle(Section):
     """A vehicle that carries sensors.
 
-    `traffic`: SUMO drives it. `trajectory`: the rows of the trajectory file with its id. `controller`: a
-    bicycle model that follows its route with a controller of its own.
+    Drivers: `traffic`: SUMO drives it. `trajectory`: it follows the rows with its id in the trajectory file.
+    `controller`: a bicycle model with a controller of its own follows its route.
     """
 
-    body: Word = "sedan"
-    driver: Literal["traffic", "trajectory", "controller"] = "traffic"
-    route: tuple[Word, ...] | None = Field(
-        None, max_length=10_000, description="edges of the network in order; drawn from the seed if left out"
+    body: Reference = Field("sedan", description="a built-in body or one of `bodies`")
+    driver: Literal["traffic", "trajectory", "controller"] = Field(
+        "traffic", description="what drives the vehicle"
+    )
+    route: tuple[Reference, ...] | None = Field(
+        None, max_length=10_000, description="edges of the network in order; drawn from the seed by default"
     )
     speed_mps: SpeedMps | None = Field(
-        None, le=70, description="speed wished for where the road allows it; that of the road if left out"
+        None, le=70, description="desired speed where the road allows it; by default the road's speed limit"
     )
 
 

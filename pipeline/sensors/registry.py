@@ -15,4 +15,4 @@ SENSORS: Mapping[str, type[Sensor[Any]]] = {
     "imu": Imu,
     "wheel_odometry": WheelOdometry,
 }
-"""In the order of the scenario file and of recording."""
+"""Sorted in the order of the scenario file and of recording."""

@@ -1,4 +1,4 @@
-"""The interface of sensor types: all that the rest of advpipe knows about one."""
+"""The interface of sensor types: everything that the rest of advpipe uses of a sensor."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
-from advpipe.pipeline.core.section import Section, Word
+from pydantic import Field
+
+from advpipe.pipeline.core.section import Reference, Section
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.motion import MotionStep
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
@@ -21,12 +23,12 @@ MountedT = TypeVar("MountedT", bound="MountedSection")
 class MountedSection(Section):
     """The keys of every mounted sensor in the scenario file."""
 
-    vehicle: Word = "ego"
+    vehicle: Reference = Field("ego", description="name of the instrumented vehicle that carries it")
 
 
 @dataclass(frozen=True)
 class Cadence:
-    """The rate of a topic. steps: simulation steps from one message to the next, where steps decide it."""
+    """The rate of a topic. steps: simulation steps between messages, if steps determine the rate."""
 
     rate_hz: float
     steps: int | None = None
@@ -34,10 +36,10 @@ class Cadence:
 
 @dataclass(frozen=True)
 class Panel:
-    """How viewers show one topic.
+    """The settings with which viewers show one topic.
 
     foxglove: settings of the topic in a 3D panel, besides its visibility. rviz: the class of its display,
-    without the plug-in's name; rviz_keys: its properties besides the topic; depth: of its queue.
+    without the plug-in's name; rviz_keys: its properties besides the topic; depth: the length of its queue.
     """
 
     foxglove: Mapping[str, Any]
@@ -93,7 +95,7 @@ class Sensor(ABC, Generic[SectionT]):
     @classmethod
     @abstractmethod
     def scenario_field(cls) -> tuple[Any, Any]:
-        """Type and default of its key in `sensors`, as pydantic's `create_model` takes them."""
+        """Type and default of its key in `sensors`, in the form that pydantic's `create_model` takes."""
 
     @classmethod
     @abstractmethod
@@ -145,7 +147,7 @@ class OnBoardSensor(Sensor[SectionT]):
 class MountedSensor(Sensor[MountedT]):
     """A named sensor that observes the world; one instance stands for all of this type on one vehicle.
 
-    default: the sensors of a scenario that names none. needs: what the world has to offer.
+    default: the sensors of a scenario that lists none. needs: the methods that the world must offer.
     mounts: base_SE3_sensor by name; each has the frame `<vehicle>/<name>`.
     """
 
@@ -158,19 +160,17 @@ class MountedSensor(Sensor[MountedT]):
 
     @abstractmethod
     def sense(self, instant: Instant) -> Reading:
-        """Their measurements at this instant; an empty reading between two measurements.
+        """The measurements at this instant; an empty reading between two measurements.
 
-        Random numbers come from `named_generator(drive.seed, ...)` with names of their own.
+        Random numbers must come from `named_generator(drive.seed, ...)` with unique names.
         """
 
     @classmethod
     def scenario_field(cls) -> tuple[Any, Any]:
-        from pydantic import Field
-
         from advpipe.pipeline.core.section import Name
 
         return dict[Name, cls.section], Field(  # type: ignore[name-defined]  # made for pydantic
-            dict(cls.default), max_length=100, description="by name"
+            dict(cls.default), max_length=100, description=f"{cls.title} sensors by name"
         )
 
     @classmethod

@@ -1,4 +1,4 @@
-"""The weather between sensors and the world, in the section `environment` of the scenario file."""
+"""The weather, in the section `environment` of the scenario file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Weather(Section):
     """
 
     kind: Literal["clear", "rain", "fog", "snow"] = "clear"
-    rate_mm_per_h: NotNegative = Field(0.0, le=200, description="of rain, or of melted snow")
+    rate_mm_per_h: NotNegative = Field(0.0, le=200, description="rate of rain, or of snow as melted water")
     visibility_m: Positive = Field(1e5, ge=5, le=1e5, description="meteorological optical range in fog")
 
     @model_validator(mode="after")

@@ -13,21 +13,21 @@ from advpipe.pipeline.geometry.boxes import Boxes
 Float32 = npt.NDArray[np.float32]
 
 Offer = Literal["road users", "rays"]
-"""A name for a method of `Surroundings`: sensors need some, and a world offers some."""
+"""Names a method of `Surroundings`: sensors declare which they need, and a world which it offers."""
 
 
 @dataclass(frozen=True)
 class Hits:
     """The first hit of each of R rays.
 
-    range_m: (R,) float32, infinite where a ray hit nothing. cos_incidence: (R,) float32 in [0, 1], of the
-    angle to the surface's normal. reflectivity: (R,) float32 in [0, 1], diffuse, at 905 nm.
+    range_m: (R,) float32, infinite where a ray hits nothing. cos_incidence: (R,) float32 in [0, 1], cosine of
+    the angle to the surface's normal. reflectivity: (R,) float32 in [0, 1], diffuse, at 905 nm.
     retroreflective: (R,) bool, whether the surface reflects light back to its source.
     transmission: (R,) float32, two-way transmission of the window panes on the way.
-    Where a ray hit nothing, these are arbitrary.
+    The values above, except range_m, are arbitrary where a ray hits nothing.
     objects: (R,) int32, index into the road users of `Surroundings.road_users`; -1 for everything else.
-    occlusion: float32 in [0, 1] for each of those road users: of the rays that would hit it if it were
-    alone, the share that hits something else first; 0 where no ray would.
+    occlusion: (M,) float32 in [0, 1], for each of the M road users the share of the rays that would hit it if
+    nothing else were there, but hit something else first; 0 if no ray would hit it.
     """
 
     range_m: Float32
@@ -40,17 +40,17 @@ class Hits:
 
 
 class Surroundings(Protocol):
-    """The world around one vehicle at one instant, in the map's frame, without the vehicle itself."""
+    """The world around one vehicle at one instant, in the map frame, without the vehicle itself."""
 
     def road_users(self, range_m: float) -> Boxes:
         """All road users within `range_m` of the vehicle's position, with ids and velocities.
 
-        Moving ones come first, and parked cars, which count as road users, last.
+        Moving ones come first; parked cars, which are road users, too, come last.
         """
         ...
 
     def cast(self, rays: Float32, range_m: float) -> Hits:
-        """Casts rays (R, 6), origin and unit direction, that start near one another.
+        """Cast rays (R, 6), origin and unit direction, whose origins are close to each other.
 
         They can hit all static objects, and the road users of `road_users(range_m)`.
         """

@@ -1,4 +1,4 @@
-"""The section `v2x`: who sends, the radio between them, and what receivers keep."""
+"""The section `v2x`: the sending stations, the radio, and the Local Dynamic Maps of receivers."""
 
 from __future__ import annotations
 
@@ -19,63 +19,91 @@ from advpipe.pipeline.core.section import (
 )
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
-"""Of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); in proportion for other widths."""
+"""Bitrates of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); they scale with the bandwidth."""
 
 
 class Shadowing(Section):
     """Log-normal shadowing, drawn anew for each message and receiver."""
 
-    near_stddev_db: NotNegative = Field(5.6, le=20, description="up to the critical distance")
-    far_stddev_db: NotNegative = Field(8.1, le=20, description="beyond the critical distance")
+    near_stddev_db: NotNegative = Field(
+        5.6, le=20, description="standard deviation up to the critical distance"
+    )
+    far_stddev_db: NotNegative = Field(
+        8.1, le=20, description="standard deviation beyond the critical distance"
+    )
 
 
 class Radio(Section):
-    """ITS-G5: the broadcast radio of IEEE 802.11p. The defaults are 6 Mbit/s in a channel of 10 MHz.
+    """The ITS-G5 radio, IEEE 802.11p in broadcast mode. By default 6 Mbit/s in a channel of 10 MHz.
 
     Dual slope, shadowing and fading are those that Cheng et al. (IEEE JSAC 25(8), 2007) measured between
     vehicles at 5.9 GHz.
     """
 
-    transmit_power_dbm: Number = Field(23.0, ge=-30, le=44, description="with the antenna's gain")
-    frequency_hz: Number = Field(5.9e9, ge=0.7e9, le=6e9)
+    transmit_power_dbm: Number = Field(
+        23.0, ge=-30, le=44, description="transmit power, including the antenna's gain"
+    )
+    frequency_hz: Number = Field(5.9e9, ge=0.7e9, le=6e9, description="carrier frequency")
     bandwidth_mhz: Literal[5, 10, 20] = 10
     bitrate_mbps: BitrateMbps = Field(
-        6.0, description="one of OFDM's, like 3, 6 or 12 in a channel of 10 MHz"
+        6.0, description="a bitrate of OFDM, such as 3, 6 or 12 in a channel of 10 MHz"
     )
-    noise_dbm: Number = Field(-98.0, ge=-130, le=-40, description="thermal noise and the receiver's own")
-    sensitivity_dbm: Number = Field(-95.0, ge=-130, le=-30, description="weaker messages are not noticed")
+    noise_dbm: Number = Field(
+        -98.0, ge=-130, le=-40, description="noise power at the receiver, thermal and its own"
+    )
+    sensitivity_dbm: Number = Field(
+        -95.0, ge=-130, le=-30, description="received power below which messages are not detected"
+    )
     carrier_sense_dbm: Number = Field(
-        -85.0, ge=-130, le=-30, description="stronger signals make the channel busy"
+        -85.0, ge=-130, le=-30, description="received power from which a station senses the channel as busy"
     )
     snir_threshold_db: Number = Field(
-        0.0, ge=-20, le=60, description="lost below this ratio to noise and interference"
+        0.0, ge=-20, le=60, description="signal to noise and interference ratio below which messages are lost"
     )
     capture_threshold_db: Number = Field(
-        6.0, ge=0, le=60, description="that a later message needs over the one being received"
+        6.0,
+        ge=0,
+        le=60,
+        description="power by which a later message must exceed the one being received to capture the "
+        "receiver",
     )
     path_loss: Literal["free_space", "dual_slope"] = "dual_slope"
-    near_exponent: Number = Field(2.0, ge=1, le=8, description="dual slope: up to the critical distance")
-    far_exponent: Number = Field(4.0, ge=1, le=8, description="dual slope: beyond the critical distance")
-    critical_distance_m: Number = Field(100.0, ge=1, le=1e4)
-    shadowing: Shadowing | None = Field(Shadowing(), description="null for none")
+    near_exponent: Number = Field(
+        2.0, ge=1, le=8, description="exponent of dual_slope up to the critical distance"
+    )
+    far_exponent: Number = Field(
+        4.0, ge=1, le=8, description="exponent of dual_slope beyond the critical distance"
+    )
+    critical_distance_m: Number = Field(
+        100.0, ge=1, le=1e4, description="distance at which dual_slope and shadowing change"
+    )
+    shadowing: Shadowing | None = Field(Shadowing(), description="log-normal shadowing; null: none")
     fading: Literal["none", "nakagami"] = "nakagami"
     building_loss: Literal["none", "obstacles"] = Field(
-        "none", description="obstacles: by walls crossed and metres inside (Sommer et al. 2011)"
+        "none",
+        description="obstacles: loss by walls crossed and metres inside buildings (Sommer et al. 2011)",
     )
-    wall_loss_db: NotNegative = Field(9.0, le=100, description="for each wall crossed")
-    inside_loss_db_per_m: NotNegative = Field(0.4, le=100, description="for each metre inside")
-    interference: Switch = Field(True, description="messages on the air at once disturb each other")
+    wall_loss_db: NotNegative = Field(9.0, le=100, description="loss for each wall crossed")
+    inside_loss_db_per_m: NotNegative = Field(
+        0.4, le=100, description="loss for each metre inside a building"
+    )
+    interference: Switch = Field(True, description="simultaneous messages interfere with each other")
     overhead_bytes: Whole = Field(
-        82, ge=0, le=2000, description="of BTP, GeoNetworking, LLC and MAC around each CAM, without security"
+        82,
+        ge=0,
+        le=2000,
+        description="bytes of BTP, GeoNetworking, LLC and MAC around each CAM, without security",
     )
     processing_delay_min_s: NotNegative = Field(
-        0.0, le=1.0, description="in the receiver, besides channel access, air time and propagation"
+        0.0,
+        le=1.0,
+        description="shortest delay in the receiver, besides channel access, air time and propagation",
     )
-    processing_delay_max_s: NotNegative = Field(0.0, le=1.0)
+    processing_delay_max_s: NotNegative = Field(0.0, le=1.0, description="longest delay in the receiver")
     queue_delay_max_s: AirDelayS = Field(
-        1.0, description="a message that waits longer for the channel is dropped"
+        1.0, description="time after which a message that waits for the channel is dropped"
     )
-    antenna_height_m: AntennaM = Field(1.5, description="above the ground")
+    antenna_height_m: AntennaM = Field(1.5, description="height of the antennas above the ground")
 
     @model_validator(mode="after")
     def _combinations(self) -> Radio:
@@ -94,19 +122,29 @@ class Radio(Section):
 
 
 class CamRules(Section):
-    """When stations send CAMs (EN 302 637-2, 6.1.3)."""
+    """The rules by which stations generate CAMs (EN 302 637-2, 6.1.3)."""
 
-    min_interval_s: Positive = Field(0.1, ge=0.05, le=10)
-    max_interval_s: Positive = Field(1.0, ge=0.05, le=10)
-    heading_deg: NotNegative = Field(4.0, le=180, description="turned by more: a new CAM")
-    position_m: NotNegative = Field(4.0, le=1000, description="moved by more: a new CAM")
-    speed_mps: NotNegative = Field(0.5, le=100, description="faster or slower by more: a new CAM")
-    low_frequency_interval_s: NotNegative = Field(
-        0.5, le=60, description="between CAMs with the low-frequency container"
+    min_interval_s: Positive = Field(
+        0.1, ge=0.05, le=10, description="shortest time between two CAMs of a station"
     )
-    path_points: Whole = Field(23, ge=0, le=23, description="of the path history")
+    max_interval_s: Positive = Field(
+        1.0, ge=0.05, le=10, description="longest time between two CAMs of a station"
+    )
+    heading_deg: NotNegative = Field(
+        4.0, le=180, description="change of the heading above which a CAM is sent"
+    )
+    position_m: NotNegative = Field(
+        4.0, le=1000, description="change of the position above which a CAM is sent"
+    )
+    speed_mps: NotNegative = Field(0.5, le=100, description="change of the speed above which a CAM is sent")
+    low_frequency_interval_s: NotNegative = Field(
+        0.5, le=60, description="shortest time between CAMs with the low-frequency container"
+    )
+    path_points: Whole = Field(23, ge=0, le=23, description="maximum number of points in the path history")
     dcc: Literal["none", "reactive"] = Field(
-        "reactive", description="decentralised congestion control (TS 102 687) stretches the interval"
+        "reactive",
+        description="decentralised congestion control (TS 102 687), which lengthens the interval on a busy "
+        "channel",
     )
 
     @model_validator(mode="after")
@@ -119,38 +157,43 @@ class CamRules(Section):
 
 
 class SelfKnowledge(Section):
-    """How well stations without instruments of ours know themselves: truth plus noise.
+    """The noise in the CAMs of vehicles without instruments, which send their true state plus noise.
 
     The instrumented vehicles send their on-board estimate.
     """
 
-    position_stddev_m: NotNegative = Field(0.5, le=100, description="of each horizontal axis")
-    heading_stddev_deg: NotNegative = Field(0.5, le=180)
-    speed_stddev_mps: NotNegative = Field(0.1, le=50)
+    position_stddev_m: NotNegative = Field(
+        0.5, le=100, description="standard deviation of the position along each horizontal axis"
+    )
+    heading_stddev_deg: NotNegative = Field(0.5, le=180, description="standard deviation of the heading")
+    speed_stddev_mps: NotNegative = Field(0.1, le=50, description="standard deviation of the speed")
 
 
 class LdmRules(Section):
     """The Local Dynamic Map of each instrumented vehicle."""
 
-    expiry_s: KeptS = Field(1.1, description="a CAM is kept until so long after its generation")
+    expiry_s: KeptS = Field(1.1, description="time after its generation for which a CAM is kept")
     rate_hz: SnapshotRateHz | None = Field(
-        None, description="at which it is recorded; every simulation.step_s if left out"
+        None, description="rate at which the maps are recorded; by default every simulation.step_s"
     )
     keep: Literal["newest", "latest"] = Field(
         "newest",
-        description="of one station: the CAM generated last, or, as Artery does, the one received last",
+        description="which CAM of a station is kept: the one generated last (newest), or, as in Artery, the "
+        "one received last (latest)",
     )
 
 
 class V2x(Section):
-    """Vehicle-to-everything messages: ETSI's CAMs over ITS-G5."""
+    """V2X (vehicle-to-everything) messages: ETSI's CAMs over ITS-G5."""
 
-    enabled: Switch = True
+    enabled: Switch = Field(True, description="simulate V2X messages")
     network: Implementation = Field(
-        "embedded", description="who hears what: embedded, or module:Class of your own"
+        "embedded",
+        description="simulator of which station receives which message: embedded, or module:Class of your "
+        "own",
     )
     penetration: Probability = Field(
-        0.5, description="share of the vehicles that send; instrumented ones always do"
+        0.5, description="share of the vehicles that send CAMs; instrumented vehicles always do"
     )
     radio: Radio = Radio()
     cam: CamRules = CamRules()

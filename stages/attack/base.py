@@ -30,7 +30,7 @@ class Attack(ABC):
     `GnssAttack`. A class that lacks what its base asks for is refused when it is registered or loaded.
 
     family: by the base class. own_keys: of an attack in a scenario file, those that this family alone knows.
-    traits_type: what `traits` has to be. quantities: what its bounds may be of, by name.
+    traits_type: what `traits` has to be. quantities: those of its family, by name.
     """
 
     family: ClassVar[Family]
@@ -42,6 +42,11 @@ class Attack(ABC):
     @abstractmethod
     def traits(self) -> Traits:
         """What is known of the attack, in the body of its own class: a parent's is that of another attack."""
+
+    @classmethod
+    def measurable(cls) -> Mapping[str, Quantity[Any]]:
+        """What its bounds may be of, by name."""
+        return cls.quantities
 
 
 def refuse_undeclared(kind: type[Attack]) -> None:
@@ -60,10 +65,10 @@ def checked_bounds(
 ) -> dict[str, tuple[float, float]]:
     """The bounds as numbers. Raises AdvpipeError for a quantity that nobody measures, and for one that is not
     finite."""
-    checked = {}
+    checked, measurable = {}, kind.measurable()
     for name, (least, most) in bounds.items():
-        if name not in kind.quantities:
-            known = ", ".join(kind.quantities)
+        if name not in measurable:
+            known = ", ".join(measurable)
             raise UsageError(f"{attack} bounds {short_repr(name)}, which nobody measures; known: {known}")
         if not math.isfinite(float(least) - float(most)):
             raise UsageError(f"{attack} bounds {name} by {least} to {most}, which are no finite numbers")

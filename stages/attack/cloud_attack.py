@@ -78,7 +78,7 @@ def cloud_attacker(
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
         result = attack(frame.cloud, frame.boxes, detector, rng)
         refuse_invalid(spec.type, frame.cloud, result)
-        refuse_out_of_bounds(spec.type, attack.bounds, frame.cloud, result)
+        refuse_out_of_bounds(spec.type, attack, frame.cloud, result)
         return result
 
     def attack_group(number: int) -> None:

@@ -7,7 +7,7 @@ from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.base import checked_bounds
 from advpipe.stages.attack.gnss.base import GnssAttack
-from advpipe.stages.attack.lidar.base import LidarAttack
+from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.registry import find_attack
@@ -23,8 +23,9 @@ def declaration_of(spec: AttackSpec) -> Declaration:
         if issubclass(kind, V2xAttack):
             return declaration_of_messages(spec, kind)
         if issubclass(kind, LidarAttack):
-            bounds = build_lidar_attack(spec).bounds
-        else:
-            assert issubclass(kind, GnssAttack)
-            bounds = kind(**resolved_parameters(spec, kind)).bounds
-        return Declaration(family=kind.family, bounds=checked_bounds(spec.type, kind, bounds))
+            bounds = checked_bounds(spec.type, kind, build_lidar_attack(spec).bounds)
+            own = tuple(each for each in lidar_traits(kind).quantities if each.name in bounds)
+            return Declaration(family=kind.family, bounds=bounds, quantities=own)
+        assert issubclass(kind, GnssAttack)
+        bounds = checked_bounds(spec.type, kind, kind(**resolved_parameters(spec, kind)).bounds)
+        return Declaration(family=kind.family, bounds=bounds)

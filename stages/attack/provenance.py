@@ -17,7 +17,10 @@ from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
-_LABELS = tuple(f"pipeline/labels/{name}.py" for name in ("points", "quantities", "quantity"))
+_LABELS = tuple(
+    f"pipeline/labels/{name}.py"
+    for name in ("points", "cloud_change", "cloud_quantity", "quantities", "quantity")
+)
 
 LIDAR = (
     *CLOUDS,

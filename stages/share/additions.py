@@ -1,4 +1,4 @@
-"""Everything that sharing adds to a data set, except checksums and signature."""
+"""The files that sharing adds to a data set, except checksums and signature."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def write_additions(
     options: ShareOptions,
     warnings: Sequence[str],
 ) -> None:
-    """Write them below the folder `made`; bags: the clean one first. sha256_of_bags: by the bag's name."""
+    """Write all additions into the folder `made`. bags: the clean one first. sha256_of_bags: by the bag's
+    name."""
     clean = bags[0]
     for folder in (names.CHECKS, names.PLAY):
         (made / folder).mkdir()
@@ -53,7 +54,7 @@ def write_additions(
 
 
 def _write_messages(folder: Path) -> None:
-    """The ROS 2 package of our own types, for colcon to build."""
+    """Write the ROS 2 package of our message types, for colcon to build."""
     source = files("advpipe.pipeline.messages.msgs")
     (folder / "msg").mkdir(parents=True)
     for file in (source / "CMakeLists.txt", source / "package.xml"):
@@ -64,7 +65,7 @@ def _write_messages(folder: Path) -> None:
 
 
 def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path) -> list[SharedPicture]:
-    """Of the first LiDAR by name, and of V2X where there is any. drives: by SHA-256."""
+    """Draw the clouds of the first LiDAR by name, and V2X if there is any. drives: by SHA-256."""
     folder.mkdir()
     clean = bags[0]
     pictures: list[SharedPicture] = []
@@ -73,7 +74,7 @@ def _draw(bags: Sequence[BagFacts], drives: Mapping[str, BagFacts], folder: Path
         pictures.append(draw_clean(clean.path, topic, folder))
         for bag in track([bag for bag in bags if bag.is_attack], "drawing"):
             parent = drives.get(bag.provenance.fields.parent_sha256 or "", clean)
-            if all(any(lidar.name == topic for lidar in one.lidars) for one in (bag, parent)):
+            if all(any(lidar.name == topic for lidar in candidate.lidars) for candidate in (bag, parent)):
                 picture = draw_attack(parent.path, bag.path, topic, folder)
                 pictures += [picture] if picture else []
     if clean.description.v2x is not None:

@@ -1,4 +1,4 @@
-"""What a bag promises, as a specification of baglint: `baglint --strict BAG.mcap --spec FILE` checks it."""
+"""A bag's properties as a specification for baglint: `baglint --strict BAG.mcap --spec FILE` checks it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import yaml
 from advpipe.stages.share.facts import BagFacts, TopicFacts, TransformSpan
 
 SLACK = 0.01
-"""Bounds are so much wider than what was recorded, for the rounding of figures."""
+"""Relative margin of the bounds around the recorded values, for rounding."""
 
 _FEWEST_FOR_A_RATE = 10
 _LEAST_STALE_MS = 500.0  # baglint's default
@@ -35,7 +35,8 @@ def _topic(topic: TopicFacts) -> dict[str, Any]:
 
 
 def _transforms(bag: BagFacts) -> tuple[list[tuple[str, str]], float]:
-    """Pairs of the root and each leaf that are tied together throughout the bag, and how old a tie may be."""
+    """Pairs of the root and each leaf connected throughout the bag, and the greatest age of a transform in
+    ms."""
     spans = [(topic.first_ns, topic.last_ns) for topic in bag.topics.values() if topic.count]
     if not spans:
         return [], 0.0
@@ -52,11 +53,11 @@ def _transforms(bag: BagFacts) -> tuple[list[tuple[str, str]], float]:
     above = {child: (parent, edge) for (parent, child), edge in bag.transforms.items()}
     leaves = sorted(set(above) - {parent for parent, _ in bag.transforms})
     return [
-        (bag.root_frame, leaf) for leaf in leaves if _is_tied(above, leaf, bag.root_frame, start_ns)
+        (bag.root_frame, leaf) for leaf in leaves if _is_connected(above, leaf, bag.root_frame, start_ns)
     ], stale_ms
 
 
-def _is_tied(above: dict[str, tuple[str, TransformSpan]], frame: str, root: str, start_ns: int) -> bool:
+def _is_connected(above: dict[str, tuple[str, TransformSpan]], frame: str, root: str, start_ns: int) -> bool:
     """Whether a path leads up to the root from the bag's start on."""
     for _ in range(len(above) + 1):  # a tree has no longer path; a loop ends here
         if frame == root:

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.document import Document, Number, Text, Word, read_yaml
+from advpipe.pipeline.core.document import Document, Number, ShortText, Text, read_yaml
 from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.pipeline.sensors.registry import SENSORS
@@ -30,21 +30,21 @@ _HUB_LICENCES = (
     "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-4.0", "odbl",
     "gpl-3.0", "bsd-3-clause",
 )  # fmt: skip
-"""Those of Hugging Face's keys that are SPDX identifiers in lower case; others are `other` there."""
+"""Hugging Face's licence keys that are SPDX identifiers in lower case; other licences are `other` there."""
 
 _WHAT = {
     "scenario.yaml": Markdown(
-        "the scenario, every default spelt out; `advpipe simulate` makes the drive of it again"
+        "the scenario with all defaults; `advpipe simulate` reproduces the drive from it"
     ),
     "clean": Markdown("the recorded drive, a rosbag2 folder"),
     "reports": Markdown("measured effect of the attacks"),
-    names.CHECKS: Markdown("what each bag promises, for baglint and Backplane Tracecheck"),
+    names.CHECKS: Markdown("properties of each bag, for the checkers baglint and Backplane Tracecheck"),
     names.PLAY: Markdown("layouts for Foxglove and RViz"),
     names.FIGURES: Markdown("the pictures of this page"),
     names.MESSAGES: Markdown("our own message types, a ROS 2 package"),
 }  # fmt: skip
 _ATTACK = "an adversarial version of it, playable alone, with its labels"
-_DRIVE = "another recorded drive; its own record holds its scenario"
+_DRIVE = "another recorded drive; its provenance contains its scenario"
 _POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 """numpy's names of sensor_msgs/PointField's types."""
 
@@ -59,7 +59,7 @@ class _Origin(Document):
 
 
 class _Map(Document):
-    """Beside the origin, where the map comes from, as plain values."""
+    """The map's origin, and its sources as plain values."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -67,10 +67,10 @@ class _Map(Document):
 
 
 class _Lidar(Document):
-    """None for what the release that recorded the drive did not know."""
+    """A LiDAR; None for keys that the release that recorded the drive did not have."""
 
-    preset: Word | None = None
-    vehicle: Word | None = None
+    preset: ShortText | None = None
+    vehicle: ShortText | None = None
     channels: _Figure | None = None
     points_per_second: _Figure | None = None
     rotation_frequency: _Figure | None = None
@@ -81,7 +81,7 @@ class _Lidar(Document):
 
 
 class _Sensors(Document):
-    lidars: dict[Word, _Lidar] = Field(default_factory=dict)
+    lidars: dict[ShortText, _Lidar] = Field(default_factory=dict)
 
 
 class RecordedScenario(Document):
@@ -120,13 +120,13 @@ def write_card(
 ) -> str:
     """The card's text; bags: the clean one first.
 
-    sums: checksums of the data set's files, by path. drives: the bags that are no attacks, by SHA-256.
+    sums: checksums of the data set's files, by path. drives: the bags that are not adversarial, by SHA-256.
     """
     clean, attacks = bags[0], [bag for bag in bags if bag.is_attack]
     scenario = _scenario(clean)
     first = clean.lidars[0] if clean.lidars else next(iter(clean.topics.values()))
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, finalize=escaped)
-    environment.filters |= {"code": code, "link": link, "literal": literal, "word": _word}
+    environment.filters |= {"code": code, "link": link, "literal": literal, "argument": _argument}
     template = environment.from_string(
         (files("advpipe.stages.share") / "card.md").read_text(encoding="utf-8")
     )
@@ -159,12 +159,12 @@ def write_card(
         licence=options.licence or "None stated: ask the author before you use the data.",
         citation=block(options.citation) if options.citation else "None given.",
         notes=warnings,
-        own_words=_own_words(found),
+        authors_notes=_authors_notes(found),
     )
 
 
-def _word(text: str) -> Markdown:
-    """One word of a command line in a block of code."""
+def _argument(text: str) -> Markdown:
+    """One argument of a command line in a code block."""
     return Markdown(shlex.quote(one_line(text)))
 
 
@@ -185,9 +185,9 @@ def _front_matter(name: str, clean: BagFacts, attacks: Sequence[BagFacts], optio
 
 
 def _scenario(clean: BagFacts) -> RecordedScenario:
-    """What the drive's record says of its scenario; nothing for another tool's bag.
+    """The scenario in the drive's provenance; empty for another tool's bag.
 
-    Raises AdvpipeError for a text that is no scenario.
+    Raises AdvpipeError for an invalid scenario.
     """
     text = clean.provenance.fields.scenario
     if not text.strip():
@@ -198,7 +198,7 @@ def _scenario(clean: BagFacts) -> RecordedScenario:
 
 
 def _sensors(clean: BagFacts) -> list[_Sensor]:
-    """Those of the drive with a topic in the bag, in the order of the registry; none of another tool's."""
+    """The drive's sensors with a topic in the bag, in the registry's order; none for another tool's bag."""
     carried = clean.sensors or {}
     topics: dict[CarriedSensor, list[str]] = {}
     for name, sensor in carried.items():
@@ -211,7 +211,7 @@ def _sensors(clean: BagFacts) -> list[_Sensor]:
 
 
 def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:
-    """Map, seed and versions, as far as the bag says."""
+    """Map, seed and versions, as far as the bag records them."""
     about, place = clean.provenance, scenario.map
     sources = {key: value for key, value in (place.model_extra or {}).items() if value}
     facts = {
@@ -234,20 +234,20 @@ def _attack(bag: BagFacts) -> _Attack:
     about = bag.provenance
     recipe = about.get("recipe", "")
     title = about.get("attack", "unknown") + (f", recipe {recipe}" if recipe else "")
-    words = ", ".join(f"{key} {json.dumps(value)}" for key, value in about.parameters.items())
+    parameters = ", ".join(f"{key} {json.dumps(value)}" for key, value in about.parameters.items())
     aim = "; ".join(_aims(bag))
-    return _Attack(bag.path.name, title, words, aim, about.get("seed", ""), about.get("frames", ""))
+    return _Attack(bag.path.name, title, parameters, aim, about.get("seed", ""), about.get("frames", ""))
 
 
 def _aims(bag: BagFacts) -> Iterator[str]:
     """For each attack in a bag: its attackers, victim, detector and schedule."""
     attacks = bag.provenance.fields.attacks
-    for one in attacks:
-        facts = {f"attackers' {key}": value for key, value in (one.attackers or {}).items()}
-        facts |= {"victim": one.victim, "lidar": one.lidar, "detector": one.detector}
-        facts |= one.schedule or {}
+    for attack in attacks:
+        facts = {f"attackers' {key}": value for key, value in (attack.attackers or {}).items()}
+        facts |= {"victim": attack.victim, "lidar": attack.lidar, "detector": attack.detector}
+        facts |= attack.schedule or {}
         stated = [f"{key} {_plain(value)}" for key, value in facts.items() if value not in (None, "", [])]
-        yield (f"{one.type}: " if len(attacks) > 1 else "") + ", ".join(stated)
+        yield (f"{attack.type}: " if len(attacks) > 1 else "") + ", ".join(stated)
 
 
 def _plain(value: object) -> str:
@@ -280,14 +280,14 @@ def _digest_of(bag: BagFacts, found: Layout, sums: Mapping[str, str]) -> str:
 
 
 def _chain(attacks: Sequence[BagFacts], drives: Mapping[str, BagFacts]) -> Markdown:
-    """What ties the adversarial bags to a drive; run.py refused any that states another parent."""
+    """Which adversarial bags were made from which drive; run.py has rejected those with another parent."""
     lines = []
     for sha256, drive in drives.items():
         tied = [code(bag.path.name) for bag in attacks if bag.provenance.fields.parent_sha256 == sha256]
         if tied:
             place = code(drive.path.name)
             lines.append(
-                f"the records of {', '.join(tied)} name the SHA-256 of {place}, of which they were made"
+                f"the records of {', '.join(tied)} name the SHA-256 of {place}, from which they were made"
             )
     return Markdown(f"Provenance: {'; '.join(lines)}." if lines else "")
 
@@ -315,7 +315,7 @@ def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> Markdown:
     return Markdown(f"np.dtype({parts!a})")
 
 
-def _own_words(found: Layout) -> Markdown:
-    """What the author wrote into the data set's README.md, unless sharing made that."""
+def _authors_notes(found: Layout) -> Markdown:
+    """The author's text in the data set's README.md, unless sharing generated that file."""
     text = found.card.read_text(encoding="utf-8", errors="replace") if found.card else ""
     return authors_text("" if names.CARD_MARK in text else text.strip())

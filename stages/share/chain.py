@@ -1,4 +1,4 @@
-"""From each adversarial bag to the drive that it was made of, and from reports to both, by checksum."""
+"""The provenance chain, by checksum: each adversarial bag to its drive, and each report to its bags."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from advpipe.pipeline.dataset.reports import read_report
 
 
 def check_chain(layout: Layout, sha256_of_bags: Mapping[str, str]) -> list[str]:
-    """Raises AdvpipeError for an adversarial bag of no drive here, and for a report on other bags.
+    """Check the chain; return a warning for each bag that cannot be checked.
 
-    sha256_of_bags: `parent_sha256` by the bag's name. Returns what cannot be checked.
+    sha256_of_bags: `parent_sha256` by the bag's name. Raises AdvpipeError for an adversarial bag whose drive
+    is not in the data set, and for a report on other bags.
     """
     records = {bag: BagReader(bag).provenance for bag in layout.bags}
     attacks = {bag: record for bag, record in records.items() if record.is_attack}
     if layout.clean in attacks:
-        raise AdvpipeError(f"{layout.clean} is an adversarial bag; a data set's clean bag is no attack")
+        raise AdvpipeError(
+            f"{layout.clean} is an adversarial bag; a data set's clean bag must not be an attack"
+        )
     drives = {sha256_of_bags[bag.name] for bag in records if bag not in attacks}
     warnings = [warning for bag, record in attacks.items() if (warning := _check_bag(bag, record, drives))]
     for report in layout.reports:
@@ -54,7 +57,7 @@ def _check_bag(bag: Path, record: Provenance, drives: Collection[str]) -> str:
     if stated not in drives:
         raise AdvpipeError(
             f"{bag} was made from another bag (parent SHA-256 {stated[:12]}…) than this data set's clean one "
-            f"({', '.join(f'{drive[:12]}…' for drive in sorted(drives))}); attack that again with "
+            f"({', '.join(f'{drive[:12]}…' for drive in sorted(drives))}); attack that drive again with "
             "--overwrite, or move this bag elsewhere"
         )
     return ""

@@ -1,4 +1,4 @@
-"""What the reports of a data set say about its attacks, as small tables for its card."""
+"""The attacks' effects from a data set's reports, as small tables for its card."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class EffectTable(NamedTuple):
 
 
 def effect_tables(reports: Sequence[Path]) -> list[EffectTable]:
-    """Of each report: detection, localisation and V2X, as far as it has them.
+    """One table for detection, localisation and V2X of each report, if it has rows for it.
 
-    Raises AdvpipeError for a file that is no report.
+    Raises AdvpipeError for an invalid report.
     """
     tables = []
     for report in reports:
@@ -43,7 +43,7 @@ def effect_tables(reports: Sequence[Path]) -> list[EffectTable]:
 def report_warnings(reports: Sequence[Path]) -> list[str]:
     """The warnings of the reports, such as that the detector was trained on the map.
 
-    Raises AdvpipeError for a file that is no report.
+    Raises AdvpipeError for an invalid report.
     """
     found: dict[str, None] = {}
     for report in reports:

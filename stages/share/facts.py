@@ -1,4 +1,4 @@
-"""What a bag holds, as its descriptions for others need it; read in one pass over its messages."""
+"""The contents of a bag, for its card, layouts and specifications; read in one pass over its messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_FRAMES = 8
 
 @dataclass
 class TopicFacts:
-    """One topic: when its messages were logged, and what their headers say.
+    """One topic: the log times of its messages, and their headers.
 
     max_gap_ns: the longest time between two messages. is_latched: whether late subscribers get the last
     message. is_counted: whether the sequence numbers go up by one. has_good_stamps: whether every message
@@ -56,6 +56,7 @@ class TopicFacts:
         return (self.count - 1) * NS_PER_S / span_ns if span_ns > 0 else None
 
     def add(self, raw: RawMessage) -> None:
+        """Count the topic's next message."""
         if self.count:
             self.max_gap_ns = max(self.max_gap_ns, raw.log_time_ns - self.last_ns)
             self.is_counted &= raw.sequence == (self._sequence + 1) % 2**32
@@ -84,15 +85,15 @@ class TopicFacts:
 def _starts_with_header(schema: str) -> bool:
     """Whether a type's first field, after comments and constants, is a header."""
     for line in schema.splitlines():
-        words = line.split("#")[0].split()
-        if words and "=" not in line.split("#")[0]:
-            return words[0] in _HEADER_TYPES and words[1:] == ["header"]
+        tokens = line.split("#")[0].split()
+        if tokens and "=" not in line.split("#")[0]:
+            return tokens[0] in _HEADER_TYPES and tokens[1:] == ["header"]
     return False
 
 
 @dataclass
 class TransformSpan:
-    """A transform's life: the stamps of its first and last message, and the longest time between two."""
+    """When a transform exists: the stamps of its first and last message, and the longest gap between two."""
 
     is_static: bool
     first_ns: int
@@ -104,8 +105,8 @@ class TransformSpan:
 class BagFacts:
     """One bag of a data set.
 
-    transforms: by parent and child frame. sensors: by topic; None in another tool's bag. description: what
-    `advpipe inspect` says.
+    transforms: by parent and child frame. sensors: by topic; None in another tool's bag. description: the
+    output of `advpipe inspect`.
     """
 
     path: Path
@@ -117,7 +118,7 @@ class BagFacts:
 
     @property
     def is_attack(self) -> bool:
-        """Another drive, recorded by advpipe or not, may lie beside the clean one."""
+        """Whether the bag is adversarial; other bags beside the clean one are other drives."""
         return self.provenance.is_attack
 
     @property
@@ -129,7 +130,7 @@ class BagFacts:
 
     @property
     def panels(self) -> list[tuple[TopicFacts, Panel]]:
-        """The topics of sensors that viewers show, and how."""
+        """The sensors' topics that viewers show, each with its panel."""
         if self.sensors is None:
             return [(topic, CLOUD_PANEL) for topic in self.lidars]
         shown = (
@@ -148,24 +149,25 @@ class BagFacts:
 
     @property
     def ego(self) -> str:
-        """The vehicle that is looked at."""
+        """The vehicle that viewers follow."""
         return self.vehicles[0] if self.vehicles else VehicleTopics().vehicle
 
     @property
     def ego_frame(self) -> str:
-        """The ego's own frame where transforms lead to it."""
+        """The ego's frame if transforms lead to it, else the root frame."""
         frame = VehicleTopics(self.ego).base_frame
         return frame if any(frame in pair for pair in self.transforms) else self.root_frame
 
     @property
     def root_frame(self) -> str:
-        """The frame above all others; `map` where there is none or several."""
+        """The root of the frames; `map` if there is none or several."""
         children = {child for _, child in self.transforms}
         roots = sorted({parent for parent, _ in self.transforms} - children)
         return roots[0] if len(roots) == 1 else "map"
 
     @property
     def markers(self) -> list[str]:
+        """Topics with markers."""
         return [name for name, topic in self.topics.items() if topic.type.endswith("/MarkerArray")]
 
     @property
@@ -179,7 +181,7 @@ class BagFacts:
 
 
 def read_facts(path: Path) -> BagFacts:
-    """Read a whole bag, with every checksum that it has; raises AdvpipeError where it is damaged."""
+    """Read a whole bag and check all its checksums; raises AdvpipeError for a damaged bag."""
     description, reader = describe(path), BagReader(path)
     topics: dict[str, TopicFacts] = {}
     transforms: dict[tuple[str, str], TransformSpan] = {}

@@ -1,4 +1,4 @@
-"""A layout for Foxglove and Lichtblick that shows a data set's scene at once."""
+"""A layout for Foxglove and Lichtblick that shows a data set's scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text of others in a page of Markdown: shown as it is written, never as Markdown or HTML of its own."""
+"""Escaping of untrusted text in Markdown: it is shown literally, never rendered as Markdown or HTML."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import json
 import re
 from urllib.parse import quote
 
-_MARKS = re.compile(r"[\\`*\[\]|~]|(?<![^\W_])_|_(?![^\W_])")
-"""An underscore between letters is no mark."""
+_SPECIAL = re.compile(r"[\\`*\[\]|~]|(?<![^\W_])_|_(?![^\W_])")
+"""An underscore between letters needs no escape."""
 
 _BEGINNING = re.compile(r"^(\s?)(?:([#+=-])(?=[#+= -]*(?:\s|$))|(\d+)(?=[.)](?:\s|$)))")
-"""What makes a line a heading, an item of a list, or a rule."""
+"""The start of a line that is a heading, a list item, or a rule."""
 
 _ENTITIES = {"&": "&amp;", "<": "&lt;", ">": "&gt;", "$": "&#36;", "://": "&#58;//", "www.": "www&#46;"}
-"""HTML; formulas and links without marks, which hosts of such pages make on their own."""
+"""HTML, formulas, and bare links, which some hosts turn into links."""
 
-_ENTITY = re.compile("|".join(re.escape(word) for word in _ENTITIES), re.IGNORECASE)
+_ENTITY = re.compile("|".join(re.escape(text) for text in _ENTITIES), re.IGNORECASE)
 
 
 class Markdown(str):
@@ -28,7 +28,7 @@ def escaped(value: object) -> Markdown:
     """A value as text on one line, also in a cell of a table; Markdown as it is."""
     if isinstance(value, Markdown):
         return value
-    text = _MARKS.sub(lambda found: f"\\{found.group()}", _line(value))
+    text = _SPECIAL.sub(lambda found: f"\\{found.group()}", _line(value))
     text = _BEGINNING.sub(_without_beginning, text)
     return Markdown(_ENTITY.sub(lambda found: _ENTITIES[found.group().lower()], text))
 
@@ -57,17 +57,17 @@ def literal(value: str) -> Markdown:
 
 
 def authors_text(text: str) -> Markdown:
-    """What the author of a data set wrote about it in Markdown; as a block of code where it holds HTML."""
+    """The author's Markdown text about a data set; as a code block if it contains HTML."""
     from markdown_it import MarkdownIt
 
     tokens = MarkdownIt("commonmark").enable("table").parse(text)
-    kinds = {part.type for token in tokens for part in (token, *(token.children or ()))}
-    return block(text) if kinds & {"html_block", "html_inline"} else Markdown(text)
+    token_types = {part.type for token in tokens for part in (token, *(token.children or ()))}
+    return block(text) if token_types & {"html_block", "html_inline"} else Markdown(text)
 
 
 def _line(value: object) -> str:
-    words = re.sub(r"\s+", " ", str(value))
-    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in words)
+    line = re.sub(r"\s+", " ", str(value))
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in line)
 
 
 def _without_beginning(found: re.Match[str]) -> str:
@@ -76,7 +76,7 @@ def _without_beginning(found: re.Match[str]) -> str:
 
 
 def _fenced(text: str, body: str, least: int) -> Markdown:
-    """Between more backticks than there are one after the other in it."""
+    """The body between fences that are longer than any run of backticks in the text."""
     longest = max((len(run) for run in re.findall("`+", text)), default=0)
     fence = "`" * max(least, longest + 1)
     return Markdown(f"{fence}{body}{fence}")

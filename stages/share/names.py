@@ -15,13 +15,15 @@ CARD_MARK = "<!-- made by advpipe share -->"
 
 
 def is_made(name: str) -> bool:
-    """Whether sharing makes this file anew, so that an old one is left out."""
+    """Whether sharing generates this file, so that an old one is not copied."""
     return name in FILES or name.split("/")[0] in FOLDERS
 
 
 def baglint_name(bag: str) -> str:
+    """The path of a bag's baglint specification."""
     return f"{CHECKS}/{bag}.baglint.yaml"
 
 
 def tracecheck_name(bag: str) -> str:
+    """The path of a bag's Tracecheck contract."""
     return f"{CHECKS}/{bag}.tracecheck.json"

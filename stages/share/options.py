@@ -34,13 +34,16 @@ DEFAULT_OPTIONS = ShareOptions()
 
 
 def citation_text(text_or_file: str | None) -> str | None:
-    """The text, or that of the file it names."""
+    """The text, or the contents of the file that it names.
+
+    Raises UsageError for text or a file that is not valid UTF-8, and for too large a file.
+    """
     if text_or_file is None:
         return None
     path = Path(text_or_file)
     try:
         text_or_file.encode()
-    except UnicodeEncodeError:  # what a locale cannot spell comes as halves of surrogate pairs
+    except UnicodeEncodeError:  # bytes that are invalid in the locale arrive as lone surrogates
         raise UsageError("--citation is not valid UTF-8 text; set LC_ALL=C.UTF-8, or name a file") from None
     try:
         if "\n" in text_or_file or not path.is_file():
@@ -50,5 +53,5 @@ def citation_text(text_or_file: str | None) -> str | None:
         return path.read_text(encoding="utf-8").strip()
     except UnicodeDecodeError:
         raise UsageError(f"{path} is not valid UTF-8 text") from None
-    except OSError:  # too long for a file's name: a text
+    except OSError:  # too long for a file name, so it is text
         return text_or_file

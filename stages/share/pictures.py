@@ -25,7 +25,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 REACH_M = 45.0
 SIDE_IN, HEAD_IN = 6.2, 0.4
-_POINTS = 9.0  # size of the points that an attack took or made
+_POINTS = 9.0  # size of the points that an attack removed or added
 
 
 class SharedPicture(NamedTuple):
@@ -46,7 +46,7 @@ def draw_clean(bag: Path, lidar_topic: str, folder: Path) -> SharedPicture:
 
 
 def draw_attack(clean: Path, bag: Path, lidar_topic: str, folder: Path) -> SharedPicture | None:
-    """The middle frame of an adversarial bag beside the clean one; None where no cloud differs there."""
+    """The middle frame of an adversarial bag beside the clean one; None if the clouds do not differ."""
     adversarial = _middle_frame(bag, lidar_topic)
     times_ns = BagReader(clean).log_times_ns(lidar_topic)
     index = int(np.searchsorted(times_ns, BagReader(bag).log_times_ns(lidar_topic)[adversarial.index]))
@@ -74,12 +74,12 @@ def _middle_frame(bag: Path, lidar_topic: str) -> Frame:
 
 
 def _only_in(cloud: Cloud, other: Cloud) -> Cloud:
-    """The points of a cloud that lie, byte for byte, nowhere in the other."""
+    """The points of a cloud that do not occur, byte for byte, in the other."""
     return cloud[~np.isin(_as_bytes(cloud), _as_bytes(other))]
 
 
 def _as_bytes(cloud: Cloud) -> npt.NDArray[np.bytes_]:
-    # Voids do not sort; strings of bytes do, but lose zeros at their end, so each gets an end that is none.
+    # numpy sorts byte strings but not voids; it strips trailing zeros, so each string gets a final 1.
     rows = np.ascontiguousarray(cloud).view(np.uint8).reshape(len(cloud), cloud.dtype.itemsize)
     marked = np.concatenate([rows, np.ones((len(cloud), 1), np.uint8)], axis=1)
     return marked.view(f"S{marked.shape[1]}").ravel()

@@ -30,7 +30,8 @@ _OTHER_ARCHIVES = (".gz", ".tgz", ".zip", ".xz", ".bz2", ".zst", ".7z")
 
 @dataclass(frozen=True)
 class ShareSummary:
-    """made: the folder, or the archive's files. warnings: what its reader should know, or its author mend."""
+    """made: the folder, or the archive's files. warnings: for the data set's users, or for its author to
+    fix."""
 
     made: tuple[Path, ...]
     files: int
@@ -39,15 +40,14 @@ class ShareSummary:
 
 
 def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> ShareSummary:
-    """Make a folder, or with a name in .tar an archive, that holds a data set and all that explains it.
+    """Make a folder, or for a name in .tar an archive, with a data set and its documentation.
 
-    Beside the bags, reports and scenario, which are taken as they are, lie a card (README.md), pictures,
-    a layout for Foxglove and one for RViz, what checkers of bags need to check these, and SHA256SUMS,
-    signed where `options.sign` names a key. The data set itself is not touched. Hidden files, such as those
-    that killed runs left, stay behind.
+    To the unchanged bags, reports and scenario, it adds a card (README.md), pictures, layouts for Foxglove
+    and RViz, specifications for bag checkers, and SHA256SUMS, signed if `options.sign` names a key. The data
+    set itself is not changed. Hidden files, such as those of killed runs, are not copied.
 
-    Raises AdvpipeError for what is no data set, one that a run is writing into, an adversarial bag of
-    another parent, a damaged bag, a key that does not fit, and an output that exists.
+    Raises AdvpipeError for an invalid data set, one that a run is writing to, an adversarial bag with another
+    parent, a damaged bag, an unusable key, and an existing output.
     """
     found = read_layout(dataset)
     found.refuse_running()
@@ -76,7 +76,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
             outputs = (out,)
     left = [
         f"{leftover.path.relative_to(dataset)} was left by a killed run and is not shared; "
-        "`advpipe clean` shows whether it is still of use"
+        "`advpipe clean` shows whether it is still needed"
         for leftover in found.leftovers
     ]
     return ShareSummary(outputs, len(files), size_bytes, (*warnings, *left))
@@ -113,12 +113,12 @@ def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
 
 
 def _was_shared(found: Layout) -> bool:
-    """Whether it is what sharing made, from which it may be made again."""
+    """Whether sharing made this data set; it can then be shared again."""
     return found.card is not None and names.CARD_MARK in found.card.read_text("utf-8", "replace")
 
 
 def _own_files(found: Layout) -> dict[str, Path]:
-    """All but hidden files, and but what an earlier sharing added."""
+    """All files except hidden ones and those that an earlier sharing added."""
     return {
         name: found.folder / name
         for name in layout.files(found.folder)
@@ -127,7 +127,7 @@ def _own_files(found: Layout) -> dict[str, Path]:
 
 
 def _sha256(bag: Path, found: Layout, sums: Mapping[str, str]) -> str:
-    """A bag's `parent_sha256`; of one file, it is known already."""
+    """A bag's `parent_sha256`; for a bag of one file, it is among the checksums."""
     of_bag: Sequence[Path] = mcap_files(bag)
     if len(of_bag) == 1:
         return sums[of_bag[0].relative_to(found.folder).as_posix()]

@@ -1,4 +1,4 @@
-"""A configuration of RViz 2 that shows a data set's scene at once: `rviz2 -d scene.rviz`."""
+"""A configuration of RViz 2 that shows a data set's scene: `rviz2 -d scene.rviz`."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ def rviz_config(bag: BagFacts) -> str:
     return yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
 
 
-def _display(kind: str, topic: TopicFacts, depth: int) -> dict[str, Any]:
+def _display(display_class: str, topic: TopicFacts, depth: int) -> dict[str, Any]:
     return {
-        "Class": f"{_DEFAULT}/{kind}",
+        "Class": f"{_DEFAULT}/{display_class}",
         "Name": topic.name,
         "Enabled": True,
         "Topic": {

@@ -1,4 +1,4 @@
-"""What a bag promises, as a contract of Backplane Tracecheck: `tracecheck check BAG --contract FILE`."""
+"""A bag's properties as a contract for Backplane Tracecheck: `tracecheck check BAG --contract FILE`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from advpipe.stages.share.baglint_spec import SLACK
 from advpipe.stages.share.facts import BagFacts, TopicFacts
 
 MOST_TOPICS = 50
-"""More a contract of Tracecheck cannot have; the first ones by name are in it."""
+"""Tracecheck's limit for a contract; it has the first topics by name."""
 
 _MOST_CHARACTERS = 256
 _PROVENANCE_KEYS = ("kind", "scenario_name", "seed", "map_sha256", "parent_sha256", "attack", "recipe")
@@ -20,7 +20,7 @@ _PROVENANCE_KEYS = ("kind", "scenario_name", "seed", "map_sha256", "parent_sha25
 def tracecheck_contract(bag: BagFacts, name: str) -> str:
     """JSON in the form of tracecheck 0.3, version 1; name: of the recording.
 
-    Of each topic: type, definition, exact count, rate, gaps, first and last time; never going back.
+    For each topic: type, definition, exact count, rate, gaps, first and last time; time never goes backwards.
     """
     document: dict[str, Any] = {"version": 1, "name": name[:_MOST_CHARACTERS], "profile": "ros2"}
     record = {
@@ -36,7 +36,7 @@ def tracecheck_contract(bag: BagFacts, name: str) -> str:
 
 
 def _topic(topic: TopicFacts) -> dict[str, Any]:
-    """The contract of one topic, which has a message at least."""
+    """The contract of one topic, which has at least one message."""
     terms: dict[str, Any] = {
         "message_encoding": "cdr",
         "schema_name": topic.type,

@@ -16,9 +16,9 @@ _PATH = re.compile(
 
 
 def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOptions) -> Iterator[str]:
-    """One line each."""
+    """The warnings, one line each."""
     if options.licence is None:
-        yield "no licence is stated, so nobody may use the data set: give one, such as --licence CC-BY-4.0"
+        yield "no licence is stated, so no one may use the data set: give one, such as --licence CC-BY-4.0"
     if found.scenario is None:
         yield "there is no scenario.yaml: the drive cannot be simulated again"
     attacks = [facts.path for facts in bags if facts.is_attack]
@@ -26,7 +26,7 @@ def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOpti
         yield "there is no adversarial bag"
     for bag in attacks:
         if not (bag / "attack.yaml").is_file():
-            yield f"{bag.name} has no attack.yaml: only the bag's provenance says what was done"
+            yield f"{bag.name} has no attack.yaml: only the bag's provenance records the attack"
     for facts in bags:
         if not facts.description.checksums.chunks_covered:
             yield f"{facts.path.name} has no chunk checksums; only SHA256SUMS reveals damage"

@@ -14,10 +14,10 @@ from advpipe.stages.simulate.mesh_file import read_mesh_file
 
 @dataclass(frozen=True)
 class Body:
-    """A kind of road user; it fills a box of length x width x height that stands on the ground.
+    """A type of road user; it fills a box of length x width x height that stands on the ground.
 
-    label: its class in the ground truth. Side mirrors stick out of the box. station_type: what it is as an
-    ITS station; None for one that carries no radio. trailer: what it tells of one.
+    label: its class in the ground truth. Side mirrors stick out of the box. station_type: of its ITS station;
+    None if it carries no radio. trailer: what its CAMs report of a trailer.
     """
 
     name: str
@@ -63,7 +63,7 @@ Sizes are those of common models: small cars of 4.05 m to the European limits of
 """
 
 _STATION_TYPES = {"car": StationType.PASSENGER_CAR, "truck": StationType.HEAVY_TRUCK}
-"""Of a body of the user's, by the class that the scenario gives it; others carry no radio."""
+"""Station type of a user-supplied body by its class in the scenario; other classes carry no radio."""
 
 PAINTS = (
     "paint_black",
@@ -77,7 +77,7 @@ PAINTS = (
 )
 
 LARGEST_M = np.array([16.5, 2.6, 4.0])
-"""Nothing on the road is longer, wider or higher by law (directive 96/53/EC)."""
+"""Legal limits of length, width and height on the road (directive 96/53/EC)."""
 
 VARIANTS = 6
 
@@ -86,7 +86,8 @@ VARIANTS = 6
 class Variant:
     """One of a few sizes and colours that a body comes in; its name is like `sedan.3`.
 
-    paint: the material of its skin. pose: in [0, 1], how whoever is in or on it sits or walks.
+    paint: the material of its surface. pose: in [0, 1], posture of its occupants, its rider or the
+    pedestrian.
     """
 
     name: str
@@ -101,9 +102,10 @@ class Variant:
 def draw_variants(
     rng: np.random.Generator, user_bodies: Mapping[str, UserBody] | None = None
 ) -> dict[str, Variant]:
-    """`VARIANTS` of each body, sizes within about 6 % of the body's, by name; one of each of the user's.
+    """Variants by name: `VARIANTS` of each body, with sizes within 7 % of the body's, and one of each user
+    body.
 
-    Raises AdvpipeError for a mesh file of the user's that cannot be used.
+    Raises AdvpipeError for an unusable mesh file of the user.
     """
     variants = {}
     for body in BODIES.values():
@@ -114,8 +116,8 @@ def draw_variants(
             paint, pose = PAINTS[int(rng.integers(len(PAINTS)))], float(rng.random())
             name = f"{body.name}.{index}"
             variants[name] = Variant(name, body, length_m, width_m, height_m, paint, pose)
-    for name, given in (user_bodies or {}).items():
-        variants[f"{name}.0"] = _user_variant(name, given)
+    for name, user_body in (user_bodies or {}).items():
+        variants[f"{name}.0"] = _user_variant(name, user_body)
     return variants
 
 
@@ -124,18 +126,18 @@ def variants_of(variants: Mapping[str, Variant], body: str) -> list[str]:
     return [name for name, variant in variants.items() if variant.body.name == body]
 
 
-def _user_variant(name: str, given: UserBody) -> Variant:
-    """As large as its mesh."""
-    vertices_m, _ = read_mesh_file(given.mesh, f"bodies.{name}", given.scale)
+def _user_variant(name: str, user_body: UserBody) -> Variant:
+    """The variant of a user-supplied body, as large as its mesh."""
+    vertices_m, _ = read_mesh_file(user_body.mesh, f"bodies.{name}", user_body.scale)
     length_m, width_m, height_m = (float(side) for side in np.ptp(vertices_m, axis=0))
     body = Body(
         name,
-        given.label,
+        user_body.label,
         length_m,
         width_m,
         height_m,
-        given.max_speed_mps,
-        given.acceleration_mps2,
-        _STATION_TYPES.get(given.label),
+        user_body.max_speed_mps,
+        user_body.acceleration_mps2,
+        _STATION_TYPES.get(user_body.label),
     )
-    return Variant(f"{name}.0", body, length_m, width_m, height_m, given.material)
+    return Variant(f"{name}.0", body, length_m, width_m, height_m, user_body.material)

@@ -1,4 +1,4 @@
-"""A vehicle with sensors: mounted ones that observe the world, and on-board localisation."""
+"""An instrumented vehicle: mounted sensors that observe the world, and on-board localisation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from advpipe.stages.simulate.world.protocol import World
 class VehicleSnapshot:
     """The measurements and estimate of one instrumented vehicle at one instant, and the truth.
 
-    initial: with the first snapshot only, where its filter started. readings: of each kind of sensor.
+    initial: initial pose of the filter, in the first snapshot only. readings: of each sensor section.
     """
 
     vehicle: str
@@ -28,7 +28,7 @@ class VehicleSnapshot:
 
 
 class Instrumented:
-    """All sensors of one vehicle. mounts: base_SE3_sensor by the name of each mounted one."""
+    """All sensors of one vehicle. mounts: base_SE3_sensor (4, 4) by the name of each mounted sensor."""
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         self.name = name
@@ -45,7 +45,7 @@ class Instrumented:
     def sense(
         self, stamp_ns: int, frame: int, carrier: RoadUser, users: Sequence[RoadUser], world: World
     ) -> VehicleSnapshot:
-        """All its measurements in one step, among all moving road users."""
+        """Take all measurements of one step, among all moving road users."""
         onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps)
         initial = None if self._started else self._onboard.initial
         self._started = True

@@ -1,4 +1,4 @@
-"""A mesh file of the user's: read, checked, and set on the ground."""
+"""Reading of user-supplied mesh files: checked, and placed on the ground."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ MAX_TRIANGLES = 500_000
 
 
 def read_mesh_file(path: str, key: str, scale: float) -> tuple[Float64, npt.NDArray[np.int64]]:
-    """Vertices (V, 3) in metres and triangles (T, 3) of a mesh: x forward, the origin on the ground below
-    its box's centre.
+    """Read the vertices (V, 3) in metres and triangles (T, 3) of a mesh: x forward, the origin on the ground
+    below its box's centre.
 
-    `key` is the place in the scenario that an error names. `scale`: metres for each unit of the mesh.
+    key: the place in the scenario, for error messages. scale: metres per unit of the mesh.
     Raises AdvpipeError for a missing file, one without a mesh, or a mesh of an impossible size.
     """
     file = Path(path)
     if not file.is_file():
-        state = "is no file" if file.exists() else "does not exist"
+        state = "is not a file" if file.exists() else "does not exist"
         raise AdvpipeError(f"{key}.mesh: {file} {state}; give the path of an {', '.join(FORMATS)} file")
     if file.suffix.lower() not in FORMATS:
         raise AdvpipeError(f"{key}.mesh: {file} is none of {', '.join(FORMATS)}; convert it")
@@ -46,12 +46,12 @@ def read_mesh_file(path: str, key: str, scale: float) -> tuple[Float64, npt.NDAr
 
 @lru_cache(maxsize=16)
 def _read(file: Path, modified_ns: int) -> tuple[Float64, npt.NDArray[np.int64]]:
-    """Vertices (V, 3) and triangles (T, 3); none of either where the file is no mesh.
+    """Vertices (V, 3) and triangles (T, 3); both empty if the file is not a mesh.
 
-    Open3D reads it in a process of its own: a damaged .ply can crash it, and must not crash us.
-    `modified_ns` is the file's: a mesh that stands in many places is read once.
+    Open3D runs in a separate process, since a damaged .ply can crash it.
+    modified_ns: of the file, for the cache: a mesh with many uses is read once.
     """
-    import advpipe.pipeline.core.open3d_library  # noqa: F401  here a missing library is an error that says so
+    import advpipe.pipeline.core.open3d_library  # noqa: F401  reports a missing library clearly
 
     nothing = np.empty((0, 3)), np.empty((0, 3), np.int64)
     if _is_truncated(file):
@@ -59,7 +59,9 @@ def _read(file: Path, modified_ns: int) -> tuple[Float64, npt.NDArray[np.int64]]
     with scratch_folder() as scratch:
         arrays = scratch / "mesh.npz"
         command = [sys.executable, "-c", _READER, str(file.absolute()), str(arrays), *sys.path]
-        done = subprocess.run(command, capture_output=True)  # what C libraries say there, our one line says
+        done = subprocess.run(
+            command, capture_output=True
+        )  # drops messages of C libraries; our error replaces them
         if done.returncode != 0 or not arrays.is_file():
             return nothing
         with np.load(arrays) as read:
@@ -79,7 +81,7 @@ numpy.savez(arrays, vertices=vertices, triangles=triangles)
 
 
 def _is_truncated(file: Path) -> bool:
-    """Whether a binary .stl is shorter than declared: Open3D would allocate memory for its declared size."""
+    """Whether a binary .stl is shorter than declared: Open3D would allocate the declared size."""
     if file.suffix.lower() != ".stl":
         return False
     with file.open("rb") as stream:
@@ -92,7 +94,7 @@ def _is_truncated(file: Path) -> bool:
 def _problem(vertices_m: Float64, triangles: npt.NDArray[np.int64]) -> str | None:
     """The problem of a mesh, as the end of a sentence about its file; None for a valid one."""
     if not len(vertices_m) or not len(triangles):
-        return "holds no triangles, or is no mesh at all; export it again"
+        return "contains no triangles or is not a mesh; export it again"
     if len(triangles) > MAX_TRIANGLES:
         return f"has {len(triangles)} triangles, more than {MAX_TRIANGLES}; simplify it"
     if triangles.min() < 0 or triangles.max() >= len(vertices_m):

@@ -35,7 +35,7 @@ from advpipe.stages.simulate.network.protocol import NetworkStep
 
 
 class Recorder:
-    """Turns each step into messages.
+    """Converts each step to messages and writes them to the bag.
 
     Messages about an instant carry the step's stamp; IMU samples, messages sent and messages received
     carry their own, since the previous step. All messages of a step are written in the order of their stamps.
@@ -129,10 +129,10 @@ class Recorder:
         }
 
     def _record_maps(self, stamp_ns: int, local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]]) -> None:
-        for vehicle, known in local_dynamic_maps:
+        for vehicle, snapshot in local_dynamic_maps:
             topic = VehicleTopics(vehicle)
-            self._step.append((topic.ldm, ldm_snapshot_cdr(known), stamp_ns))
-            self._step.append((topic.ldm_objects, ldm_detections_cdr(known), stamp_ns))
+            self._step.append((topic.ldm, ldm_snapshot_cdr(snapshot), stamp_ns))
+            self._step.append((topic.ldm_objects, ldm_detections_cdr(snapshot), stamp_ns))
 
     def _record_onboard(self, snapshot: VehicleSnapshot) -> None:
         topic = VehicleTopics(snapshot.vehicle)

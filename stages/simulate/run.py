@@ -34,10 +34,10 @@ DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", 
 
 @dataclass(frozen=True, repr=False)
 class SimulationSummary(Tabular):
-    """The summary of a drive; `road_users` counts all that came into a sensor's range.
+    """The summary of a drive; `road_users` counts all that were ever within a sensor's range.
 
     bag: the clean bag, to which the summary also converts as a path. points: of all clouds together.
-    v2x: None where the scenario switches V2X off.
+    v2x: None if the scenario disables V2X.
     """
 
     bag: Path
@@ -73,8 +73,8 @@ class SimulationSummary(Tabular):
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where a scenario takes place: its roads, what stands beside them, and the bodies of all road users."""
+class _Setting:
+    """The setting of a scenario: its road network, the world beside the roads, and all road users' bodies."""
 
     roads: RoadNetwork
     world: World
@@ -90,6 +90,7 @@ class _Tally:
     road_users: set[str] = field(default_factory=set)
 
     def add(self, snapshots: Sequence[VehicleSnapshot]) -> None:
+        """Count the readings of one step."""
         for reading in (reading for snapshot in snapshots for reading in snapshot.readings):
             self.clouds += reading.clouds
             self.points += reading.points
@@ -97,22 +98,22 @@ class _Tally:
 
 
 def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> SimulationSummary:
-    """Simulates a scenario and records it as the data set folder `out`: scenario.yaml and clean/.
+    """Simulate a scenario and record it as the data set folder `out`: scenario.yaml and clean/.
 
     Raises AdvpipeError for an invalid map, a network without room, or an existing output.
     """
     text, seed = dump_scenario(scenario), scenario.simulation.seed
-    own = plugin_names((scenario.traffic.source, scenario.world, scenario.v2x.network))
+    plugins = plugin_names((scenario.traffic.source, scenario.world, scenario.v2x.network))
     with (
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,
-        plugin_errors(own),
+        plugin_errors(plugins),
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
-        with as_usage_error():  # nothing but what the scenario names has been read so far
+        with as_usage_error():  # so far, only files that the scenario names have been read
             roads = load_network(scenario.map, scratch, seed)
             variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
-            place = _Place(roads, build_world(scenario, roads, variants), variants)
+            setting = _Setting(roads, build_world(scenario, roads, variants), variants)
             prepared = open_traffic(scenario, roads, variants, scratch)
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
         compression = scenario.recording.compression
@@ -121,23 +122,23 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
             prepared as traffic,
             BagWriter(folder / "clean", provenance=provenance, compression=compression) as writer,
         ):
-            tally, v2x = _drive(scenario, place, traffic, Recorder(scenario, writer))
+            tally, v2x = _drive(scenario, setting, traffic, Recorder(scenario, writer))
     frames, road_users = scenario.simulation.frames, len(tally.road_users)
     return SimulationSummary(out / "clean", frames, tally.clouds, tally.points, road_users, v2x)
 
 
 def _drive(
-    scenario: Scenario, place: _Place, traffic: TrafficSource, recorder: Recorder
+    scenario: Scenario, setting: _Setting, traffic: TrafficSource, recorder: Recorder
 ) -> tuple[_Tally, Statistics | None]:
     """The main loop of Algorithm 1: the network's clock advances and moves the traffic, the world follows,
     the sensors measure, and the stations get their new states."""
-    clock, world = scenario.simulation, place.world
+    clock, world = scenario.simulation, setting.world
     vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
     routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]
-    walkers = draw_walkers(scenario, world.roads, place.variants, routes_m, place.roads.pavements_m)
+    walkers = draw_walkers(scenario, world.roads, setting.variants, routes_m, setting.roads.pavements_m)
     footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
     network = open_network(scenario, traffic.step, footprints)
-    recorder.start(clock.stamp_ns(0), vehicles, place.roads.lanes_m, footprints)
+    recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
     tally = _Tally()
     for frame in track(range(clock.frames), f"simulating {scenario.name}"):
         network_step = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
@@ -146,7 +147,7 @@ def _drive(
         snapshots = [
             vehicle.sense(network_step.stamp_ns, frame, drivers[vehicle.name], users, world)
             for vehicle in vehicles
-            if vehicle.name in drivers  # one that follows a trajectory comes and goes with it
+            if vehicle.name in drivers  # a vehicle with a trajectory exists only while it lasts
         ]
         network.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
         is_due = scenario.v2x.is_ldm_due(frame, clock.step_s)

@@ -1,4 +1,4 @@
-"""Random changes of a training frame that leave its labels true."""
+"""Random changes of a training frame that keep its labels correct."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ObjectBank:
         """The frame with up to `wanted` objects of each class, each turned about the sensor.
 
         An object keeps its distance, so that its points stay as dense as they were measured. It is
-        left out where it would touch another object or something standing on the ground.
+        left out if it would touch another object or anything that stands on the ground.
         """
         chosen = [
             (i, label)
@@ -65,7 +65,7 @@ class ObjectBank:
 def _turned(
     points: npt.NDArray[np.float32], box: npt.NDArray[np.float64], rng: Rng
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-    """An object turned about the sensor by any angle."""
+    """An object rotated about the sensor by a random angle."""
     yaw = rng.uniform(-np.pi, np.pi)
     turned = TrainingFrame(points, box[None], np.zeros(1, np.int64), np.zeros(1, np.int64))
     turned = rotate(turned, yaw)
@@ -106,7 +106,7 @@ def augment(
     points = frame.points
     if config.drop:
         points = points[rng.random(len(points), dtype=np.float32) < keep]
-    # An object that lost its points teaches nothing.
+    # Objects that lose their points are ignored in training.
     frame = TrainingFrame(points, frame.boxes, frame.labels, (frame.counts * keep).astype(np.int64))
     if config.flip and rng.random() < 0.5:
         frame = flip(frame)

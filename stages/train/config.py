@@ -13,12 +13,12 @@ from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS
 from advpipe.stages.train.options import TrainOptions
 
 MOST_SEED = 2**63 - 1
-"""PyTorch's generators take no more."""
+"""The largest seed of PyTorch's generators."""
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How each training frame is changed; `Augmentation.none()` leaves it as recorded.
+    """How each training frame is augmented; `Augmentation.none()` leaves it as recorded.
 
     yaw_rad, scale, shift_voxels: largest change either way. drop: largest share of points dropped.
     jitter_m: largest standard deviation of noise. intensity: largest relative change.
@@ -28,7 +28,7 @@ class Augmentation:
     yaw_rad: float = 3.141592653589793
     flip: bool = True
     scale: float = 0.05
-    # Sub-voxel shifts keep the detector from learning where the voxel faces lie.
+    # Sub-voxel shifts keep the detector from learning the positions of voxel faces.
     shift_voxels: float = 0.5
     drop: float = 0.2
     jitter_m: float = 0.02
@@ -37,6 +37,7 @@ class Augmentation:
 
     @classmethod
     def none(cls) -> Augmentation:
+        """No augmentation at all."""
         return cls(0.0, False, 0.0, 0.0, 0.0, 0.0, 0.0, (0, 0, 0, 0))
 
 
@@ -46,8 +47,8 @@ class TrainConfig(TrainOptions):
 
     bags: clean bags (dataset folders, rosbag2 folders or .mcap files). out: the run's folder.
     epochs: passes over the frames; steps, when given, overrides it. checkpoint_every: steps.
-    workers: processes, by default one a core; the result does not depend on it. device: as `open_device`
-    takes it; on a GPU one process does it all.
+    workers: processes, by default one per core; the result does not depend on it. device: see `open_device`;
+    a GPU is used by one process alone.
     validation: a bag of another drive, for the average precision; at the end on all of its frames that
     validation_frames names, and every `validate_every` steps on about 40 of them, equally spaced.
     """
@@ -68,14 +69,14 @@ class TrainConfig(TrainOptions):
 
     @property
     def network_preset(self) -> Preset:
-        """What `family` and `preset` name; raises UsageError where they name nothing."""
+        """The preset that `family` and `preset` name; raises UsageError for unknown names."""
         return family_named(self.family).preset(self.preset)
 
     def __post_init__(self) -> None:
         if self.network_preset.classes != CLASSES:
             raise AdvpipeError(
-                f"preset {self.preset} has other classes than our drives; it takes imported weights "
-                "(advpipe import-weights) and is not trained here"
+                f"preset {self.preset} has other classes than advpipe's drives; use it with imported "
+                "weights (advpipe import-weights), as it cannot be trained here"
             )
         if not self.bags:
             raise AdvpipeError("train needs at least one bag")

@@ -1,4 +1,4 @@
-"""Training clouds by their place in the run: place k of a seed is the same in every run, resumed or not."""
+"""Training clouds by their index in the run: index k is the same in every run with the same seed."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from advpipe.stages.train.frames import FrameStore
 
 
 class Examples:
-    """Every frame once an epoch, in an order of the epoch's own, augmented by its place in the run."""
+    """Every frame once per epoch, in an order drawn per epoch, augmented by its index in the run."""
 
     def __init__(self, store: FrameStore, config: TrainConfig) -> None:
         self.store, self.config = store, config
         self.preset = config.network_preset
         self.bank = ObjectBank(store, config.min_points)
 
-    def __getitem__(self, place: int) -> LabelledPoints:
+    def __getitem__(self, index: int) -> LabelledPoints:
         config = self.config
-        epoch, row = divmod(place, len(self.store))
+        epoch, row = divmod(index, len(self.store))
         order = named_generator(config.seed, "train", "order", epoch).permutation(len(self.store))
-        rng = named_generator(config.seed, "train", "augment", place)
+        rng = named_generator(config.seed, "train", "augment", index)
         frame = self.store.frame(int(order[row]))
         frame = augment(frame, config.augmentation, self.preset.voxel_size_m, rng, self.bank)
         return LabelledPoints(

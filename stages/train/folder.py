@@ -20,50 +20,57 @@ from advpipe.stages.train.config import TrainConfig
 
 @dataclass(frozen=True)
 class RunFolder:
-    """detector.safetensors, config.json, train.csv, validation.csv and training.png; state.pt,
-    latest.safetensors and frames/ (decoded clouds) only while the run is not finished."""
+    """The files of a run; `state`, `latest` and `frames` exist only while it is unfinished."""
 
     path: Path
 
     @property
     def checkpoint(self) -> Path:
+        """The trained detector."""
         return self.path / "detector.safetensors"
 
     @property
     def config(self) -> Path:
+        """The run's configuration and the checksums of its inputs."""
         return self.path / "config.json"
 
     @property
     def log(self) -> Path:
+        """The log of steps."""
         return self.path / "train.csv"
 
     @property
     def validations(self) -> Path:
+        """The log of validations."""
         return self.path / "validation.csv"
 
     @property
     def picture(self) -> Path:
+        """The plot of both logs."""
         return self.path / "training.png"
 
     @property
     def state(self) -> Path:
+        """The state from which an unfinished run resumes."""
         return self.path / "state.pt"
 
     @property
     def latest(self) -> Path:
+        """The latest weights of an unfinished run."""
         return self.path / "latest.safetensors"
 
     @property
     def frames(self) -> Path:
+        """The decoded clouds of an unfinished run."""
         return self.path / "frames"
 
     @contextmanager
     def locked(self, overwrite: bool) -> Iterator[None]:
-        """The folder, made if need be, is this run's alone within the block.
+        """Lock the folder for this run within the block; create it if it does not exist.
 
-        Where the block ends with an error before a state was saved, there is nothing to go on from: all that
-        the run made goes. Raises AdvpipeError where no run may start or go on, see `refuse`, and while
-        another run is at work there.
+        If the block fails before a state was saved, there is nothing to resume, so everything that the run
+        made is removed. Raises AdvpipeError if no run may start or resume, see `refuse`, or while another run
+        holds the lock.
         """
         self._tidy_finished()
         self.refuse(overwrite)
@@ -87,27 +94,27 @@ class RunFolder:
             if lock is not None:
                 lock_file.unlink(missing_ok=True)
                 lock.close()
-            with suppress(OSError):  # the first one that holds something
+            with suppress(OSError):  # the first one that is not empty
                 for folder in new_folders:
                     folder.rmdir()
 
     def refuse(self, overwrite: bool) -> None:
-        """Raises AdvpipeError where no run may start or go on, whatever it is to learn from."""
+        """Raise AdvpipeError if no run may start or resume here, whatever its configuration."""
         if self.path.exists() and not self.path.is_dir():
             raise UsageError(f"{self.path} is a file; name a folder for the training run")
         if self.path.exists() and not self._is_run() and (foreign := self._foreign()):
             raise UsageError(
-                f"{self.path} is not empty ({foreign}) and holds no training run; choose another folder"
+                f"{self.path} is not empty ({foreign}) and is not a training run; choose another folder"
             )
         if self.checkpoint.exists() and not overwrite:
             raise OutputExistsError(self.checkpoint)
 
     def open(self, config: TrainConfig, origin: Mapping[str, str], overwrite: bool) -> None:
-        """Make the folder, or accept the unfinished run of the same configuration in it; see `refuse`.
+        """Start a run in the folder, or accept its unfinished run with the same configuration; see `refuse`.
 
-        origin: checksums of the files that the configuration names, which may change under their names.
+        origin: checksums of the files that the configuration names, since their contents may change.
         """
-        # The number of processes changes no result, so a run may go on with another.
+        # The number of processes does not change the result, so a run may resume with another.
         about = {**asdict(config), "workers": None, "origin": dict(origin)}
         del about["device"]
         about |= device_record(config.device)
@@ -118,12 +125,12 @@ class RunFolder:
         elif self.state.is_file() and self.config.read_text(encoding="utf-8") != wanted:
             raise UsageError(
                 f"{self.path} holds an unfinished run with another configuration or other bags; "
-                "pass --overwrite to start anew, or choose another folder"
+                "pass --overwrite to start again, or choose another folder"
             )
         write_atomically(self.config, wanted.encode())
 
     def _is_run(self) -> bool:
-        """Whether the folder's config.json is one of ours; others use that name too."""
+        """Whether the folder's config.json is a training run's; other tools use that name too."""
         try:
             about = plain_json.load_json(self.config.read_bytes())
         except (OSError, ValueError):
@@ -131,7 +138,7 @@ class RunFolder:
         return isinstance(about, dict) and about.keys() >= {"bags", "preset", "origin"}
 
     def _foreign(self) -> str | None:
-        """Something in the folder that no killed run left there."""
+        """The name of a file in the folder that is not left over from a killed run."""
         names = (path.name for path in sorted(self.path.iterdir()))
         return next((name for name in names if name != LOCK_NAME and not is_leftover_name(name)), None)
 
@@ -142,7 +149,7 @@ class RunFolder:
             file.unlink(missing_ok=True)
 
     def _tidy_finished(self) -> None:
-        """A run may have been killed when all was done but this."""
+        """Tidy a finished run that was killed just before it tidied up."""
         is_untidy = any(path.exists() for path in (self.state, self.latest, self.frames))
         if not self.checkpoint.exists() or not is_untidy:
             return
@@ -152,7 +159,7 @@ class RunFolder:
                 (self.path / LOCK_NAME).unlink(missing_ok=True)
 
     def tidy(self) -> None:
-        """Remove what only an unfinished run needs."""
+        """Remove the files that only an unfinished run needs."""
         self.state.unlink(missing_ok=True)
         self.latest.unlink(missing_ok=True)
         shutil.rmtree(self.frames, ignore_errors=True)

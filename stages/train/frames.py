@@ -52,7 +52,8 @@ class FrameStore:
 
     @classmethod
     def build(cls, frames: Iterable[LabelledCloud], folder: Path, key: object, radius_m: float) -> FrameStore:
-        """Store frames cropped to a radius around the sensor, unless `folder` holds those of `key`."""
+        """Store frames, cropped to a radius around the sensor, unless `folder` already holds those of
+        `key`."""
         key_text = json.dumps(key, sort_keys=True)
         key_file = folder / "key.json"
         if key_file.is_file() and key_file.read_text() == key_text:
@@ -88,7 +89,7 @@ class FrameStore:
         return self._index["counts"]
 
     def frame(self, i: int) -> TrainingFrame:
-        """Frame i, arrays of its own."""
+        """Frame i, as new arrays."""
         first, last = self._index["frame_boxes"][i : i + 2]
         return TrainingFrame(
             self._read("points.bin", *self._index["frame_points"][i : i + 2]),
@@ -130,7 +131,7 @@ def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> No
             frame_points.append(frame_points[-1] + len(points))
             frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
     if not boxes or not frame_points[-1]:
-        raise AdvpipeError("the bags hold no labelled clouds to train on")
+        raise AdvpipeError("the bags contain no labelled clouds to train on")
     np.savez(
         folder / "index.npz",
         boxes=np.concatenate(boxes),

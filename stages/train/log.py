@@ -20,9 +20,9 @@ def step_columns(loss_parts: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Log:
-    """A CSV file of `columns`, appended row by row; steps from `first_step` on are written anew.
+    """A CSV file of `columns`, appended row by row; rows from `first_step` on are removed first.
 
-    A kill at any moment loses no row before them.
+    A kill at any moment loses no earlier row.
     """
 
     def __init__(self, path: Path, columns: tuple[str, ...], first_step: int) -> None:
@@ -38,10 +38,12 @@ class Log:
         self._writer = csv.writer(self._file, lineterminator="\n")
 
     def add(self, step: int, *values: float) -> None:
+        """Append a row."""
         self._writer.writerow([step, *(f"{value:.6g}" for value in values)])
         self._file.flush()
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
 
@@ -65,9 +67,9 @@ def plot_training(steps: Path, validations: Path, picture: Path) -> None:
         for name in CLASSES:
             lower.plot(precision["step"], precision[name], marker=".", label=name)
         lower.set(ylabel="strict 3D AP in % on the validation drive", ylim=(0, 100))
-    for one in (axes, *below):
-        one.grid(alpha=0.3)
-        one.legend()
+    for axis in (axes, *below):
+        axis.grid(alpha=0.3)
+        axis.legend()
     (below or [axes])[-1].set_xlabel("step")
     with atomic_file(picture) as beside:
         FigureCanvasAgg(figure).print_png(beside)  # type: ignore[no-untyped-call]

@@ -12,9 +12,9 @@ from advpipe.pipeline.detector.training_maps import KEY, listed_maps, map_of
 
 
 def training_maps(bags: Iterable[Path], start: Path | None) -> str:
-    """What the provenance of a checkpoint has as `training_maps.KEY`: a JSON list.
+    """The value of `training_maps.KEY` in a checkpoint's provenance: a JSON list.
 
-    The maps of the bags and those that the checkpoint to start from was trained on, each once; null for a
+    The maps of the bags and those on which the start checkpoint was trained, each once; null for a
     bag without a map in its provenance, and for a start checkpoint without its own list.
     """
     maps = {map_of(BagReader(bag).provenance) for bag in bags}

@@ -9,14 +9,14 @@ from advpipe.pipeline.core import options
 from advpipe.pipeline.core.options import option
 
 USUAL_STEPS = 3000
-"""Of the command line, which counts no epochs."""
+"""The command line's default, which has no option for epochs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainOptions:
-    """What network is trained, and how.
+    """The network to train, and how to train it.
 
-    family, preset: see `detector.families`. steps: None for as many as the epochs of `TrainConfig` take.
+    family, preset: see `detector.families`. steps: None for the number of epochs in `TrainConfig`.
     start: a checkpoint of the same preset whose weights the run starts from. validation: a bag of another
     drive, for the average precision.
     """

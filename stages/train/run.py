@@ -38,7 +38,7 @@ from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, stric
 from advpipe.stages.train.workers import Gradients, gradients
 
 SOME_FRAMES = 40
-"""How many frames a validation in the middle of a run takes."""
+"""Number of frames of a validation during the run."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,10 +51,10 @@ class TrainSummary(Tabular):
     steps: int
     frames: int
     precision: dict[str, ClassPrecision]
-    """By class, on the validation bag; empty without one."""
+    """Average precision by class on the validation bag; empty without one."""
 
     def __str__(self) -> str:
-        """The checkpoint, what it learnt from, and the average precision of the classes validated."""
+        """The checkpoint, its training data, and the average precision of the validated classes."""
         found = ", ".join(
             f"{name} {precision.strict_percent:.1f} %"
             for name, precision in self.precision.items()
@@ -65,15 +65,17 @@ class TrainSummary(Tabular):
         )
 
     def to_dicts(self) -> Rows:
-        """A row a class of the validation bag: its boxes, and 3D AP R40 in percent; none without one."""
+        """A row for each class of the validation bag: its boxes, and 3D AP R40 in percent; none without a
+        bag."""
         return [{"class": name, **asdict(precision)} for name, precision in self.precision.items()]
 
 
 def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
-    """Train a detector on the frames of the bags; an unfinished run with this configuration goes on.
+    """Train a detector on the frames of the bags, or resume an unfinished run with this configuration.
 
-    The files of the run's folder: `RunFolder`. The checkpoint is the same whether or not the run was
-    interrupted, and for any number of worker processes.
+    The files of the run's folder: `RunFolder`. The checkpoint does not depend on interruptions of the run,
+    nor on the number of worker processes. Raises AdvpipeError for bags without ground truth, a folder in use,
+    and a loss that is not finite.
     """
     folder, device = RunFolder(config.out), open_device(config.device)
     bags = [labelled_bag(bag) for bag in config.bags]
@@ -95,7 +97,7 @@ def _train(
     drive: ValidationDrive | None,
     origin: dict[str, str],
 ) -> TrainSummary:
-    """The steps that are not done yet, the last validation, and the files of a finished run."""
+    """Run the remaining steps and the last validation, and write the files of a finished run."""
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
@@ -107,7 +109,7 @@ def _train(
         state.restore(folder.state)
 
     def saved(steps_done: int) -> Checkpoint:
-        """The network as its file has it: with weights in half precision."""
+        """The network as loaded from its file, with weights in half precision."""
         state.require_finite()
         save_checkpoint(
             net, folder.latest, {**provenance, "steps": f"{steps_done} of {steps}"}, overwrite=True
@@ -117,9 +119,9 @@ def _train(
     status = Status(net.LOSS_PARTS)
     with (
         closing(Log(folder.log, step_columns(net.LOSS_PARTS), state.step)) as log,
-        # A run that was killed in its last validation does it again.
+        # A run that was killed during its last validation repeats it.
         closing(Log(folder.validations, VALIDATIONS, min(state.step, steps - 1))) as validations,
-        signals.deferred() as stopped,  # a step is not broken off, so that the state can be saved first
+        signals.deferred() as stopped,  # a step is not interrupted, so that the state can be saved
         gradients(net, examples, workers) as gradients_of,
     ):
         for step in track(range(state.step, steps), "train", steps - state.step, status.text):
@@ -147,10 +149,10 @@ def _train(
 
 
 def labelled_bag(path: Path) -> Path:
-    """The bag that a path names. Raises UsageError where it has no ground truth."""
+    """The bag that a path names. Raises UsageError for a bag without ground truth."""
     bag = resolve_bag(path)
     if not has_ground_truth(bag):
-        raise UsageError(f"{bag} holds no ground truth ({' or '.join(BOX_TYPES)}) to learn from")
+        raise UsageError(f"{bag} contains no ground truth ({' or '.join(BOX_TYPES)}) to train on")
     return bag
 
 
@@ -172,7 +174,7 @@ def _named(net: DetectionNetwork) -> str:
 
 
 def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfig) -> FrameStore:
-    """The frames of the bags, decoded once, as far out as a turned range can reach."""
+    """The frames of the bags, decoded once, within the radius that a rotated range can reach."""
     r = config.network_preset.range_m
     radius_m = 1.1 * max(abs(r.x_min_m), r.x_max_m) * 2**0.5
 
@@ -184,7 +186,7 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
 
 
 def validation_drive(config: TrainConfig) -> ValidationDrive | None:
-    """The drive to validate on; a bad choice of frames is refused at once."""
+    """The drive to validate on; raises UsageError for an invalid choice of frames."""
     if config.validation is None:
         return None
     bag, chosen = labelled_bag(config.validation), FrameSlice.parse(config.validation_frames)
@@ -192,7 +194,7 @@ def validation_drive(config: TrainConfig) -> ValidationDrive | None:
 
 
 def training_origin(config: TrainConfig, digests: dict[Path, str]) -> dict[str, str]:
-    """Checksums of what a run learns from: its bags, and the checkpoint that it starts from."""
+    """Checksums of a run's training data: its bags, and the checkpoint that it starts from."""
     return {
         "bags_sha256": json.dumps(list(digests.values())),
         "start": detector_sha256(str(config.start)) if config.start else "",
@@ -230,7 +232,7 @@ def learning_rate(step: int, steps: int, config: TrainConfig) -> float:
 def train_step(
     state: TrainState, gradients_of: Gradients, rate: float, clip_norm: float
 ) -> tuple[list[float], float]:
-    """One step of the optimiser; the losses before it and the norm of the gradient before clipping."""
+    """Take one step of the optimiser; return the losses before it and the gradient's norm before clipping."""
     for group in state.optimiser.param_groups:
         group["lr"] = rate
     parts: list[float] = gradients_of(state.step).tolist()

@@ -1,4 +1,4 @@
-"""The state of a run: enough to resume as if it had never stopped."""
+"""The state of a run, from which it resumes as if it had never stopped."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ class TrainState:
 
     @classmethod
     def new(cls, net: DetectionNetwork, learning_rate: float, weight_decay: float) -> TrainState:
+        """The state before the first step, with AdamW."""
         optimiser = torch.optim.AdamW(
             net.parameters(), learning_rate, betas=(0.9, 0.99), weight_decay=weight_decay
         )
@@ -37,16 +38,16 @@ class TrainState:
         )
 
     def require_finite(self) -> None:
-        """Raise AdvpipeError for weights that a checkpoint cannot hold: infinite, or beyond half
+        """Raise AdvpipeError for weights that a checkpoint cannot store: infinite, or beyond half
         precision."""
         for weights in self.net.state_dict().values():
-            # Those of more than one dimension are stored in half precision.
+            # Weights of more than one dimension are stored in half precision.
             dtype = torch.float16 if weights.ndim > 1 else torch.float32
             if weights.is_floating_point() and not weights.abs().max() <= torch.finfo(dtype).max:
                 raise self.diverged()
 
     def save(self, path: Path) -> None:
-        """The file is the old state or the new one, never half of it; see `require_finite`."""
+        """Save the state atomically; see also `require_finite`."""
         self.require_finite()
         state = {
             "step": self.step,
@@ -55,11 +56,11 @@ class TrainState:
             "random": torch.get_rng_state(),
         }
         buffer = io.BytesIO()
-        torch.save(state, buffer)  # to a file, it hides why a disk refused to be written
+        torch.save(state, buffer)  # writing to a file directly would hide the reason of a disk error
         write_atomically(path, buffer.getvalue())
 
     def restore(self, path: Path) -> None:
-        """Resume from a saved state."""
+        """Resume from a saved state. Raises AdvpipeError for an unreadable file."""
         try:
             state = torch.load(path, map_location="cpu", weights_only=True)
             self.net.load_state_dict(state["net"])
@@ -68,5 +69,5 @@ class TrainState:
             torch.set_rng_state(state["random"])
         except Exception as error:  # torch.load raises whatever unpickling raises
             raise AdvpipeError(
-                f"cannot go on from {path} ({type(error).__name__}); pass --overwrite to start again"
+                f"cannot resume from {path} ({type(error).__name__}); pass --overwrite to start again"
             ) from None

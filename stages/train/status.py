@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from advpipe.stages.train.validate import ClassPrecision
 
 SMOOTHING = 0.98
-"""Of the losses shown: they remember about 50 steps."""
+"""Exponential smoothing of the losses shown, over about 50 steps."""
 
 
 @dataclass
@@ -21,13 +21,13 @@ class Status:
     precision: dict[str, ClassPrecision] = field(default_factory=dict)
 
     def step(self, losses: Sequence[float]) -> None:
-        """Note the parts of a step's loss."""
+        """Add the parts of a step's loss."""
         pairs = zip(self.losses or [0.0] * len(losses), losses, strict=True)
         self.losses = [SMOOTHING * old + (1 - SMOOTHING) * new for old, new in pairs]
         self.steps += 1
 
     def text(self) -> str:
-        """Such as `loss 0.82 (score 0.5 box 0.2 direction 0.1), AP car 71 truck 40`."""
+        """The text, such as `loss 0.82 (score 0.5 box 0.2 direction 0.1), AP car 71 truck 40`."""
         if not self.steps:
             return "no step yet"
         losses = [loss / (1 - SMOOTHING**self.steps) for loss in self.losses]

@@ -1,4 +1,4 @@
-"""How good a detector is on a drive it was not trained on."""
+"""Validation: the average precision of a detector on a drive that it was not trained on."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from advpipe.stages.train.frames import LabelledCloud
 
 @dataclass(frozen=True)
 class ClassPrecision:
-    """3D AP R40 of one class in percent, NaN without a box; `boxes` were there to find."""
+    """3D AP R40 of one class in percent (NaN without boxes), over this number of `boxes`."""
 
     boxes: int
     strict_percent: float
@@ -35,7 +35,7 @@ class ValidationDrive:
     min_points: int
 
     def precision(self, detector: ObjectDetector, at_most: int | None = None) -> dict[str, ClassPrecision]:
-        """Average precision by class, on all chosen frames or on about so many, equally spaced."""
+        """Average precision by class, on all chosen frames, or on about `at_most` equally spaced ones."""
         frames = self.frames[:: max(1, round(len(self.frames) / (at_most or len(self.frames))))]
         chosen = FrameSlice(frames.start, frames.stop, frames.step)
         clouds = read_frames(self.bag, chosen)
@@ -45,14 +45,15 @@ class ValidationDrive:
 
 
 def strict_percents(precision: dict[str, ClassPrecision]) -> list[float]:
-    """The strict average precision of every class in the order of `CLASSES`, NaN for one not asked for."""
+    """The strict average precision of every class in the order of `CLASSES`, NaN for a class that was not
+    evaluated."""
     return [precision[name].strict_percent if name in precision else float("nan") for name in CLASSES]
 
 
 def validate(
     detector: ObjectDetector, frames: Iterable[LabelledCloud], min_points: int
 ) -> dict[str, ClassPrecision]:
-    """Average precision by class; boxes out of range or with too few points count neither way."""
+    """Average precision by class; boxes out of range or with too few points are ignored."""
     truths, found = [], []
     for frame in frames:
         boxes = frame.boxes.geometry
@@ -66,13 +67,13 @@ def validate(
         def percent(min_iou: float, label: int = label, own_label: int = own_label) -> float:
             matches = []
             for (truth, evaluated), detections in zip(truths, found, strict=True):
-                mine, theirs = truth.labels == label, detections.labels == own_label
+                of_class, detected = truth.labels == label, detections.labels == own_label
                 matches.append(
                     match_frame(
-                        truth.geometry[mine],
-                        evaluated[mine],
-                        detections.boxes[theirs],
-                        detections.scores[theirs],
+                        truth.geometry[of_class],
+                        evaluated[of_class],
+                        detections.boxes[detected],
+                        detections.scores[detected],
                         min_iou,
                     )
                 )

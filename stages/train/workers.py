@@ -1,9 +1,9 @@
-"""Gradients of several clouds at once: one process and one thread for each share of the batch.
+"""Gradients of several clouds in parallel: one process with one thread for each share of the batch.
 
 A cloud is small for a network with many short layers, so two processes of one thread are faster than
-one process of two, and far less hurt by other work on the machine. Each cloud has its own batch norm
-statistics; therefore the result does not depend on the number of processes. A GPU is given the clouds by one
-process, one after another: its context would not survive a fork.
+one process of two, and far less affected by other load on the machine. Each cloud has its own batch norm
+statistics; therefore the result does not depend on the number of processes. On a GPU, one
+process handles all clouds, one after another, because a GPU context does not survive a fork.
 """
 
 from __future__ import annotations
@@ -29,25 +29,26 @@ class Gradients(Protocol):
     """The mean gradient over the clouds of a batch."""
 
     def __call__(self, step: int) -> Tensor:
-        """Set the gradients and batch norm averages of the network; the losses (P,) of its `LOSS_PARTS`."""
+        """Set the gradients and batch norm averages of the network; return the losses (P,) of its
+        `LOSS_PARTS`."""
 
 
 class Replica:
-    """A network that shares its weights with another one and has batch norm averages of its own."""
+    """A network that shares the weights of another one, with separate batch norm averages."""
 
     def __init__(self, net: DetectionNetwork, examples: Examples) -> None:
         self.source, self.examples = net, examples
         replica = family_named(net.preset.family).network(net.preset.name)
         self.net: DetectionNetwork = replica.to(net.device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
-        for mine, shared in zip(self.net.parameters(), net.parameters(), strict=True):
-            mine.data = shared.data
+        for own, shared in zip(self.net.parameters(), net.parameters(), strict=True):
+            own.data = shared.data
 
-    def result(self, place: int) -> Tensor:
-        """Losses, gradients and batch norm averages after the cloud at `place`, as one row."""
-        for mine, shared in zip(averages(self.net), averages(self.source), strict=True):
-            mine.copy_(shared)
+    def result(self, index: int) -> Tensor:
+        """Losses, gradients and batch norm averages after example `index`, as one row (`row_length`,)."""
+        for own, shared in zip(averages(self.net), averages(self.source), strict=True):
+            own.copy_(shared)
         self.net.zero_grad()
-        example = self.examples[place].to(self.net.device)
+        example = self.examples[index].to(self.net.device)
         parts = torch.stack(self.net.training_losses(example, bf16=self.examples.config.bf16))
         parts.sum().backward()  # type: ignore[no-untyped-call]
         values = [parts.detach()]
@@ -61,6 +62,7 @@ def averages(net: nn.Module) -> list[Tensor]:
 
 
 def row_length(net: DetectionNetwork) -> int:
+    """The length of a row of losses, gradients and batch norm averages."""
     return len(net.LOSS_PARTS) + sum(t.numel() for t in [*net.parameters(), *averages(net)])
 
 
@@ -78,7 +80,8 @@ def take(row: Tensor, net: DetectionNetwork) -> Tensor:
 
 @contextmanager
 def gradients(net: DetectionNetwork, examples: Examples, workers: int) -> Iterator[Gradients]:
-    """The gradients of `net` on its examples, computed by so many processes; one works in this one."""
+    """The gradients of `net` on its examples, computed by this many worker processes, or in this process for
+    one."""
     batch, device = examples.config.batch_size, net.device
     rows = torch.zeros(batch, row_length(net), device=device)
     if workers <= 1 or device.type != CPU:
@@ -101,22 +104,22 @@ def gradients(net: DetectionNetwork, examples: Examples, workers: int) -> Iterat
         net.share_memory()
     except RuntimeError as error:
         reason = str(error).splitlines()[0]
-        raise AdvpipeError(f"no shared memory for {workers} processes: {reason}; make room there") from None
-    # Forking is quick and needs no guard in a caller's script; elsewhere it is not safe.
+        raise AdvpipeError(f"no shared memory for {workers} processes: {reason}; free some") from None
+    # Forking is fast and needs no __main__ guard in a caller's script; on other systems it is unsafe.
     context: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     with ExitStack() as stack:
         pipes: list[Connection] = []
         for worker in range(workers):
-            mine, theirs = context.Pipe()
+            own, worker_end = context.Pipe()
             share = range(worker, batch, workers)
-            arguments = (net, examples, rows, share, theirs, [*pipes, mine])
+            arguments = (net, examples, rows, share, worker_end, [*pipes, own])
             process = context.Process(target=_work, args=arguments, daemon=True)
-            with signals.blocked():  # until the worker says what becomes of them
+            with signals.blocked():  # until the worker has set its signal handling
                 process.start()
-            theirs.close()
+            worker_end.close()
             stack.callback(process.join)
-            stack.callback(mine.close)
-            pipes.append(mine)
+            stack.callback(own.close)
+            pipes.append(own)
 
         def elsewhere(step: int) -> Tensor:
             try:
@@ -142,12 +145,12 @@ def _work(
 ) -> None:
     """Compute each step that comes through the pipe, until it closes."""
     signals.leave_to_parent()
-    # The parent's ends have to be the parent's alone: else its death would close no pipe.
+    # Only the parent may hold its ends of the pipes: otherwise its death would not close them.
     for connection in inherited:
         connection.close()
     torch.set_num_threads(1)
     replica = Replica(net, examples)
-    with suppress(EOFError, OSError):  # the pipe closed: the run is over
+    with suppress(EOFError, OSError):  # the pipe was closed at the end of the run
         while True:
             step, failure = pipe.recv(), None
             try:

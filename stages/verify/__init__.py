@@ -1,1 +1,1 @@
-"""Stage 4b: whether a data set or a bag is what it claims to be."""
+"""Stage 4b: verification of everything that a data set or a bag claims about itself."""

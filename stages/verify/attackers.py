@@ -1,4 +1,4 @@
-"""Which attacker may have changed which messages, by the attacks that a bag declares."""
+"""The attackers that may have changed each message, from the attacks that a bag declares."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from advpipe.pipeline.scenario.attacks import NS_PER_S, AttackSpec
 
 
 class MessageAttack(NamedTuple):
-    """An attack on messages or fixes that a bag names; declared: None in one of an older version."""
+    """An attack on messages or fixes in a bag's provenance; declared: None in a bag of an older version."""
 
     spec: AttackSpec
     family: Family
@@ -24,11 +24,11 @@ class MessageAttack(NamedTuple):
 
 
 class DeclaredAttacker(NamedTuple):
-    """An attack that touches messages, as labels name it.
+    """An attack that touches messages, by its name in labels.
 
     senders: station ids of the radios whose messages it touches. is_sender: whether the sender itself
-    attacks. parts: of a mix, the attack that each sender carries out. acts: whether it may touch a message of
-    that time. declared: None in a bag of an older version.
+    attacks. parts: of a mix, the attack that each sender carries out. acts: whether it may touch a message at
+    a time in nanoseconds. declared: None in a bag of an older version.
     """
 
     name: str
@@ -45,10 +45,10 @@ class DeclaredAttacker(NamedTuple):
 
 
 class DeclaredAttackers:
-    """In the order in which they touch messages: GPS first, then V2X as configured.
+    """The attackers of a bag in the order in which they touch messages: GPS first, then V2X as configured.
 
     names: of all radios by station id. attackers: station ids of all attacking senders. undeclared: attacks
-    for which the bag states neither whether all their messages matter nor the parts of a mix.
+    for which the bag declares neither whether every message has an effect nor the parts of a mix.
     """
 
     def __init__(self, clean: BagReader, attacks: Sequence[MessageAttack], start_ns: int, seed: int) -> None:
@@ -59,43 +59,58 @@ class DeclaredAttackers:
         self.expiry_s = drive.v2x.ldm.expiry_s
         self._all = [
             *_spoofed(clean, attacks, drive, start_ns),
-            *(_attacker(one, selection, start_ns, seed) for one in attacks if one.family == "v2x"),
+            *(_attacker(attack, selection, start_ns, seed) for attack in attacks if attack.family == "v2x"),
         ]
-        self.undeclared = tuple(dict.fromkeys(one.name for one in self._all if one.is_undeclared))
+        self.undeclared = tuple(
+            dict.fromkeys(attacker.name for attacker in self._all if attacker.is_undeclared)
+        )
         self.names = selection.names
-        self.attackers = frozenset(number for one in self._all if one.is_sender for number in one.senders)
+        self.attackers = frozenset(
+            number for attacker in self._all if attacker.is_sender for number in attacker.senders
+        )
 
     def named(self, name: str) -> list[DeclaredAttacker]:
-        return [one for one in self._all if one.name == name]
+        """The attackers with this attack name."""
+        return [attacker for attacker in self._all if attacker.name == name]
 
     def declared(self, name: str, sender: int, part: str) -> list[Terms] | None:
-        """What the attacks of a name on a sender's messages declare, of a mix this part of it: any may have
-        touched a message. Nothing for a spoofed receiver; None where the bag does not state it."""
-        attackers = [one for one in self.named(name) if sender in one.senders]
-        if any(one.is_undeclared for one in attackers):
+        """The declarations of the attacks of this name, or this part of a mix, on a sender's messages; each
+        of them may have touched a message. Empty for a spoofed receiver; None if the bag does not record
+        them."""
+        attackers = [attacker for attacker in self.named(name) if sender in attacker.senders]
+        if any(attacker.is_undeclared for attacker in attackers):
             return None
-        declared = [one.declared for one in attackers if one.declared is not None]
-        return [terms for one in declared if (terms := one.part(part) if part else one) is not None]
+        declared = [attacker.declared for attacker in attackers if attacker.declared is not None]
+        return [
+            terms
+            for declaration in declared
+            if (terms := declaration.part(part) if part else declaration) is not None
+        ]
 
-    def only_at(self, place: int, sender: int) -> DeclaredAttacker | None:
-        """The one who touches a sender's messages at a `place`; None for nobody, and where several do under
-        one name, so that the attacker is ambiguous."""
-        name = self._all[place].name if place < len(self._all) else ""
-        found = [one for one in self.named(name) if sender in one.senders]
+    def attacker_at(self, index: int, sender: int) -> DeclaredAttacker | None:
+        """The attacker that touches a sender's messages at this index; None if there is none, or if several
+        of that name do, so that the attacker is ambiguous."""
+        name = self._all[index].name if index < len(self._all) else ""
+        found = [attacker for attacker in self.named(name) if sender in attacker.senders]
         return found[0] if len(found) == 1 else None
 
-    def place(self, name: str, sender: int) -> int:
-        """Of the one who touches a sender's messages under this name; after all others if there is none."""
-        found = (at for at, one in enumerate(self._all) if one.name == name and sender in one.senders)
+    def index(self, name: str, sender: int) -> int:
+        """Index of the attacker that touches a sender's messages under this name; the count of all if none
+        does."""
+        found = (
+            index
+            for index, attacker in enumerate(self._all)
+            if attacker.name == name and sender in attacker.senders
+        )
         return next(found, len(self._all))
 
 
 def victims(clean: BagReader, attacks: Sequence[MessageAttack]) -> dict[str, list[MessageAttack]]:
     """The GPS attacks by victim vehicle, victims in the order of their first attack."""
-    usual, found = default_victim(vehicles_with_filter(clean)), dict[str, list[MessageAttack]]()
-    for one in attacks:
-        if one.family == "gnss":
-            found.setdefault(one.spec.victim or usual or "", []).append(one)
+    default, found = default_victim(vehicles_with_filter(clean)), dict[str, list[MessageAttack]]()
+    for attack in attacks:
+        if attack.family == "gnss":
+            found.setdefault(attack.spec.victim or default or "", []).append(attack)
     return found
 
 
@@ -115,12 +130,12 @@ def _attacker(
 def _spoofed(
     clean: BagReader, attacks: Sequence[MessageAttack], drive: V2xDrive, start_ns: int
 ) -> list[DeclaredAttacker]:
-    """Victims with a filter first, whose errors last; of other stations, only CAMs are recorded."""
+    """Victims with a filter first, whose errors persist; other stations have only their CAMs recorded."""
     with_filter = vehicles_with_filter(clean)
     by_victim = sorted(victims(clean, attacks).items(), key=lambda item: item[0] not in with_filter)
     attackers = []
-    for victim, on_it in by_victim:
-        specs = [one.spec for one in on_it]
+    for victim, its_attacks in by_victim:
+        specs = [attack.spec for attack in its_attacks]
         name = "+".join(dict.fromkeys(spec.type for spec in specs))
         senders = frozenset(number for number, vehicle in drive.stations.items() if vehicle == victim)
         attackers.append(
@@ -129,9 +144,9 @@ def _spoofed(
     return attackers
 
 
-def _spans(specs: Sequence[AttackSpec], start_ns: int, for_good: bool) -> Acting:
-    """From the begin of one of these attacks to its end, or for good."""
-    spans = [(one.schedule.from_s, None if for_good else one.schedule.to_s) for one in specs]
+def _spans(specs: Sequence[AttackSpec], start_ns: int, is_permanent: bool) -> Acting:
+    """Whether one of these attacks acts: from its begin to its end, or for ever."""
+    spans = [(spec.schedule.from_s, None if is_permanent else spec.schedule.to_s) for spec in specs]
 
     def acts(time_ns: int) -> bool:
         t_s = (time_ns - start_ns) / NS_PER_S

@@ -1,4 +1,4 @@
-"""Bounds that a bag declares, which this version need not know."""
+"""Bounds that a bag declares, some perhaps on quantities that this version does not know."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from advpipe.stages.verify.result import Unchecked
 
 
 def measurable(bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[Any]]) -> dict[str, Range]:
-    """Those of quantities that this version measures."""
+    """The bounds on quantities that this version measures."""
     return {name: bound for name, bound in bounds.items() if name in quantities}
 
 
 def unmeasurable(
     place: str, attack: str, bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[Any]]
 ) -> Iterator[Unchecked]:
-    """The others."""
+    """A result for each bound on any other quantity."""
     for name in sorted(bounds.keys() - quantities.keys()):
         yield Unchecked(place, f"{name} of {attack} not checked: unknown quantity in this version")

@@ -44,12 +44,12 @@ from advpipe.stages.verify.summary_check import check_summary
 FIRST_PRIVATE_OPCODE = 0x80
 
 DEFINITIONS_LIMIT_BYTES = 1 << 24
-"""The most that definitions of types and channels may hold together, which lie in packed chunks, too."""
+"""The limit on all definitions of types and channels together, since they may be in compressed chunks."""
 
 
 @dataclass
 class McapScanner:
-    """What a file really holds, filled by `messages`; faults: what is wrong with how it holds it.
+    """The actual contents of a file, filled by `messages`; faults: everything wrong with its structure.
 
     counts: messages by channel. first_ns, last_ns: log times, None without messages.
     """
@@ -66,20 +66,20 @@ class McapScanner:
     attachments: int = 0
     first_ns: int | None = None
     last_ns: int | None = None
-    _places: dict[int, array[int]] = field(default_factory=dict)
+    _offsets: dict[int, array[int]] = field(default_factory=dict)
     _texts: dict[int, str] = field(default_factory=dict)
     _undefined: set[int] = field(default_factory=set)
     _definitions_bytes: int = 0
 
     def messages(self) -> Iterator[RawMessage]:
-        """All messages in the order of the file; a chunk that is damaged is left out, and a fault."""
+        """All messages in the order of the file; a damaged chunk is skipped and becomes a fault."""
         try:
             yield from self._messages()
         except OSError as error:
             self.faults.append(f"cannot be read: {error.strerror or error}")
         except DAMAGE as error:
             self.faults.append(f"damaged or truncated: {error}" if str(error) else "damaged or truncated")
-        except AdvpipeError as error:  # channels of another kind than ROS 2's
+        except AdvpipeError as error:  # channels that are not ROS 2 channels
             self.faults.append(str(error))
 
     def _messages(self) -> Iterator[RawMessage]:
@@ -141,7 +141,7 @@ class McapScanner:
             )
 
     def _add_definition(self, definition: Schema | Channel) -> None:
-        """A schema or a channel; repeated definitions must be equal."""
+        """Add a schema or a channel; repeated definitions must be equal."""
         if definition.id not in (self.schemas if isinstance(definition, Schema) else self.channels):
             self._definitions_bytes += len(_bytes_of(definition))
             if self._definitions_bytes > DEFINITIONS_LIMIT_BYTES:
@@ -166,12 +166,12 @@ class McapScanner:
         except DAMAGE as error:
             self.faults.append(f"the chunk at {record.start} is damaged: {error}")
             return
-        self._places = {}
+        self._offsets = {}
         for opcode, offset, body in inner_records(data):
             if opcode == Opcode.MESSAGE:
                 for raw in self._message(body):
-                    places = self._places.setdefault(parse_message(body).channel_id, array("Q"))
-                    places.extend((raw.log_time_ns, offset))
+                    offsets = self._offsets.setdefault(parse_message(body).channel_id, array("Q"))
+                    offsets.extend((raw.log_time_ns, offset))
                     yield raw
             else:
                 parsed = parse_record(opcode, body)
@@ -180,7 +180,7 @@ class McapScanner:
                         f"the chunk at {record.start} holds a record that does not belong in a chunk"
                     )
                 self._add_definition(parsed)
-        times_ns = [places[::2] for places in self._places.values()]
+        times_ns = [offsets[::2] for offsets in self._offsets.values()]
         span_ns = (min(map(min, times_ns)), max(map(max, times_ns))) if times_ns else (0, 0)
         if (chunk.message_start_time, chunk.message_end_time) != span_ns:
             self.faults.append(f"the chunk at {record.start} states times that differ from its messages'")
@@ -227,7 +227,7 @@ class McapScanner:
             if not self.chunks:
                 self.faults.append(f"the message index at {record.start} follows no chunk")
             return
-        real = self._places.pop(channel_id, array("Q"))
+        real = self._offsets.pop(channel_id, array("Q"))
         if not np.array_equal(_sorted(entries), _sorted(np.frombuffer(real, np.uint64).reshape(-1, 2))):
             self.faults.append(f"the message index at {record.start} does not match its chunk")
         chunk = self.chunks[-1]
@@ -235,10 +235,10 @@ class McapScanner:
         chunk.message_index_length += record.end - record.start
 
     def _end_chunk(self, place: int) -> None:
-        """The indexes of a chunk end where another record begins."""
-        if self._places and self.chunks and self.chunks[-1].message_index_offsets:
+        """Finish the indexes of the last chunk, at the start of another record."""
+        if self._offsets and self.chunks and self.chunks[-1].message_index_offsets:
             self.faults.append(f"a message index is missing before {place}")
-        self._places = {}
+        self._offsets = {}
 
     def check_bytes(self, record: Record, parsed: McapRecord | None) -> None:
         """Compare a record with its canonical encoding, so that no bit of it can change unnoticed."""

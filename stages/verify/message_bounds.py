@@ -1,4 +1,4 @@
-"""Whether messages keep to the bounds that the attacks on them declare."""
+"""Whether changed messages stay within the declared bounds of the attacks on them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from advpipe.stages.verify.message_store import MessageStore
 
 
 def beyond_declared(change: MessageChange, declared: Sequence[Terms]) -> str:
-    """How a message is beyond the bounds of every attack that could have touched it; mostly ""."""
-    bounds = [measurable(one.bounds, MESSAGE_QUANTITIES) for one in declared]
+    """How a message exceeds the bounds of every attack that could have touched it; "" if it does not."""
+    bounds = [measurable(terms.bounds, MESSAGE_QUANTITIES) for terms in declared]
     return beyond_all(change, bounds, MESSAGE_QUANTITIES)
 
 
 def too_many_added(store: MessageStore, attackers: DeclaredAttackers) -> Iterator[tuple[int, str]]:
-    """Numbers of messages with which attackers have added more in a second than they declare, and how."""
+    """Numbers of the messages by which attackers exceed their declared rate of added messages, and how."""
     for added in store.added():
-        attacker = attackers.only_at(added.place, added.station_id)
+        attacker = attackers.attacker_at(added.attack_index, added.station_id)
         if attacker is None:
             continue
         declared = attackers.declared(

@@ -28,7 +28,7 @@ from advpipe.stages.verify.message_bounds import beyond_declared
 from advpipe.stages.verify.message_store import Message, MessageDiff, MessageStore, Row
 
 ROUNDING_M = 1e-6
-"""Between two machines' projections."""
+"""Tolerance between projections on different machines."""
 
 _BYTES = (CHANGED, CORRUPT)
 
@@ -43,18 +43,18 @@ class _State(NamedTuple):
 
 @dataclass
 class MessageLabels:
-    """Follows each message from the clean bag through its labels, one an attack, to the adversarial bag.
+    """Traces each message from the clean bag through its labels, one per attack, to the adversarial bag.
 
     All columns are compared: with the bags (`station_id`, `time_ns`, `sent_ns`, `action`, `true_...`,
-    `false_...`), with the attacks that the bag names (`attack`, `attacker`, `sender`, `part`, and whether the
-    attack was on at that time), with the rules by which they are made (`fields`, `mattered`), and with what
-    the attacks declare: what is untrue, and bounds. What
-    cannot be known is accepted: which of two attacks of one name and sender touched a message; what it said
-    before the last of several attacks; what it says where congestion control held it back; whether chance, or
-    pauses, had a GPS attack on within its span.
+    `false_...`), with the attacks in the provenance (`attack`, `attacker`, `sender`, `part`, and whether the
+    attack was active at that time), with the rules that define them (`fields`, `mattered`), and with the
+    attacks' declarations (untrue claims and bounds). Accepted without a check, because the bags do not record
+    it: which of two attacks with the same name and sender touched a message; its contents before the last of
+    several attacks; its contents if congestion control held it back; and whether a GPS attack with a random
+    or periodic schedule was active at a time within its span.
 
-    reacts: whether congestion control may have held messages back. chained: how many were changed by several
-    attacks.
+    reacts: whether congestion control may have held messages back. chained: number of messages that several
+    attacks changed.
     """
 
     store: MessageStore
@@ -66,40 +66,40 @@ class MessageLabels:
         """Whether a message of this station may be missing without a label."""
         return self.reacts and station_id not in self.attackers.attackers
 
-    def first_wrong(self, diff: MessageDiff) -> Iterator[str]:
-        """What is wrong first with the labels of a message, if anything."""
+    def first_fault(self, diff: MessageDiff) -> Iterator[str]:
+        """The first fault of a message's labels, if there is any."""
         self.chained += len(diff.labels) > 1
-        return islice(self._wrong(diff), 1)
+        return islice(self._faults(diff), 1)
 
-    def _wrong(self, diff: MessageDiff) -> Iterator[str]:
+    def _faults(self, diff: MessageDiff) -> Iterator[str]:
         recorded = before = None if diff.clean is None else _state(diff.clean)
         is_late = False
         for row in diff.labels:
             origin = before
             if row["action"] == CHANGED and recorded is not None:
-                # What was delayed into another step is judged by what it was then.
+                # A message that was delayed into another step is compared with its state then.
                 origin = before if is_late and row["time_ns"] != recorded.request_ns else recorded
-            yield from _action(row, before, diff.forged)
-            yield from self._who(row, before)
-            yield from _times(row, origin)
-            yield from _values(row, "true", self._honest(row, origin))
+            yield from _check_action(row, before, diff.forged)
+            yield from self._check_sender(row, before)
+            yield from _check_times(row, origin)
+            yield from _check_values(row, "true", self._true_values(row, origin))
             is_late |= row["action"] == DELAYED
             after = None if row["action"] == DROPPED else _after(row)
             if after is None:
-                yield from _values(row, "false", None)
+                yield from _check_values(row, "false", None)
             if row is diff.labels[-1]:
-                yield from self._end(diff, after)
+                yield from self._check_forged(diff, after)
             elif after is None:
                 yield "has another label after it was dropped"
-            yield from self._places(row)
+            yield from self._check_positions(row)
             declared = self.attackers.declared(row["attack"], row["station_id"], row.get("part", ""))
-            yield from self._judged(row, before, declared)
-            yield from _undeclared(row, before, declared or ())
-            yield from self._beyond(row, before, after, declared or ())
+            yield from self._check_rules(row, before, declared)
+            yield from _check_untrue(row, before, declared or ())
+            yield from self._check_bounds(row, before, after, declared or ())
             before = after
 
-    def _who(self, row: Row, before: _State | None) -> Iterator[str]:
-        """Sender, attack, attacker, part, and whether the attack was on."""
+    def _check_sender(self, row: Row, before: _State | None) -> Iterator[str]:
+        """Check sender, attack, attacker, part, and whether the attack was active."""
         number, name = row["station_id"], row["attack"]
         sender = self.attackers.names.get(number, "")
         if row["sender"] != sender:
@@ -107,32 +107,32 @@ class MessageLabels:
         named = self.attackers.named(name)
         if not named:
             yield f"is labelled {name}, which is not one of the bag's attacks"
-        attackers = [one for one in named if number in one.senders]
+        attackers = [attacker for attacker in named if number in attacker.senders]
         if not attackers:
             yield f"was sent by {sender}, whose messages {name} does not attack"
-        if row["attacker"] not in {sender if one.is_sender else "" for one in attackers}:
+        if row["attacker"] not in {sender if attacker.is_sender else "" for attacker in attackers}:
             yield f"has the wrong attacker in its label: {row['attacker'] or 'none'}"
         attackers = [
-            one
-            for one in attackers
-            if "part" not in row or one.is_undeclared or row["part"] == one.parts.get(number, "")
+            attacker
+            for attacker in attackers
+            if "part" not in row or attacker.is_undeclared or row["part"] == attacker.parts.get(number, "")
         ]
         if not attackers:
             yield f"is labelled with part {row['part']!r} of {name}, which its sender does not carry out"
         time_ns = row["time_ns"] if before is None else before.request_ns
-        if not any(one.acts(time_ns) for one in attackers):
+        if not any(attacker.acts(time_ns) for attacker in attackers):
             yield f"was attacked at {time_ns} ns, when {name} was not active"
 
-    def _honest(self, row: Row, origin: _State | None) -> Values | None:
-        """The true content; for an added or delayed message, the last of the station it claims to be."""
+    def _true_values(self, row: Row, origin: _State | None) -> Values | None:
+        """The true values; for an added or delayed message, those of the claimed station's last message."""
         if row["action"] not in (ADDED, DELAYED):
             return None if origin is None else origin.values
         station_id = row["false_station_id"]
         payload = None if station_id is None else self.store.last_of(station_id, row["sent_ns"])
         return None if payload is None else values_of_payload(payload)
 
-    def _end(self, diff: MessageDiff, stated: _State | None) -> Iterator[str]:
-        """Whether the adversarial bag holds the message that the last label describes."""
+    def _check_forged(self, diff: MessageDiff, stated: _State | None) -> Iterator[str]:
+        """Check that the adversarial bag contains the message that the last label describes."""
         row, clean, forged = diff.labels[-1], diff.clean, diff.forged
         if forged is None:
             if stated is not None and not self.is_held_back(stated.station_id):
@@ -146,12 +146,12 @@ class MessageLabels:
         is_same = clean is not None and clean.payload == forged.payload
         if len(diff.labels) == 1 and is_same == (row["action"] == CHANGED) and row["action"] in _BYTES:
             yield f"is labelled {row['action']}, but was not"
-        yield from _values(row, "false", values_of_payload(forged.payload))
+        yield from _check_values(row, "false", values_of_payload(forged.payload))
 
-    def _beyond(
+    def _check_bounds(
         self, row: Row, before: _State | None, after: _State | None, declared: Sequence[Terms]
     ) -> Iterator[str]:
-        """How it exceeds the bounds of every attack that could have changed or delayed it."""
+        """Check the bounds of every attack that could have changed or delayed the message."""
         if row["action"] not in (CHANGED, DELAYED) or before is None or after is None:
             return
         delay_s = (after.request_ns - before.request_ns) / NS_PER_S
@@ -159,26 +159,28 @@ class MessageLabels:
         if what := beyond_declared(change, declared):
             yield f"exceeds the bounds of {row.get('part') or row['attack']}: {what}"
 
-    def _places(self, row: Row) -> Iterator[str]:
-        """x and y, which follow from latitude and longitude."""
+    def _check_positions(self, row: Row) -> Iterator[str]:
+        """Check x and y, which follow from latitude and longitude."""
         expected_m = places_m(
             self.attackers.geodesy, [_label_values(row, "true"), _label_values(row, "false")]
         )
-        for kind, place_m in zip(("true", "false"), expected_m.T.tolist(), strict=True):
+        for state, place_m in zip(("true", "false"), expected_m.T.tolist(), strict=True):
             for axis, value_m in zip(AXES, place_m, strict=True):
-                stated_m = _number(row[f"{kind}_{axis}"])
+                stated_m = _number(row[f"{state}_{axis}"])
                 if math.isnan(stated_m) != math.isnan(value_m) or abs(stated_m - value_m) > ROUNDING_M:
-                    yield f"has a position that differs from its label's {kind}_{axis}"
+                    yield f"has a position that differs from its label's {state}_{axis}"
 
-    def _judged(self, row: Row, before: _State | None, declared: Sequence[Terms] | None) -> Iterator[str]:
-        """`fields` and `mattered`, which follow from the other columns."""
+    def _check_rules(
+        self, row: Row, before: _State | None, declared: Sequence[Terms] | None
+    ) -> Iterator[str]:
+        """Check `fields` and `mattered`, which follow from the other columns."""
         true, false = _label_values(row, "true"), _label_values(row, "false")
-        fields, said = "", None if before is None else before.values
-        if row["action"] == CHANGED and said is not None and false is not None:
-            fields = changed_fields(said, false)
+        fields, values = "", None if before is None else before.values
+        if row["action"] == CHANGED and values is not None and false is not None:
+            fields = changed_fields(values, false)
         if row.get("fields", fields) != fields:
             yield f"had {fields or 'nothing'} changed, but its label says {row['fields'] or 'nothing'}"
-        always = any(one.every_message_matters for one in declared or ())
+        always = any(terms.every_message_matters for terms in declared or ())
         mattered = row["action"] == DROPPED or always
         if not mattered:
             moved_m = math.hypot(*(_number(row[f"true_{a}"]) - _number(row[f"false_{a}"]) for a in AXES))
@@ -191,37 +193,38 @@ class MessageLabels:
             )
 
 
-def _undeclared(row: Row, before: _State | None, declared: Sequence[Terms]) -> Iterator[str]:
-    """The fields of a message that were changed, and that no attack that could have done it makes untrue."""
+def _check_untrue(row: Row, before: _State | None, declared: Sequence[Terms]) -> Iterator[str]:
+    """Check that every changed field is among the declared untrue claims of an attack that could have changed
+    it."""
     if row["action"] not in (CHANGED, DELAYED) or before is None or not declared:
         return
-    said, says = before.values, _label_values(row, "false")
-    if row["action"] == DELAYED and said == says:
+    old, new = before.values, _label_values(row, "false")
+    if row["action"] == DELAYED and old == new:
         return
-    changed = OTHER if said is None or says is None else changed_fields(said, says)
-    found = [undeclared_fields(changed, frozenset(one.untrue)) for one in declared]
+    changed = OTHER if old is None or new is None else changed_fields(old, new)
+    found = [undeclared_fields(changed, frozenset(terms.untrue)) for terms in declared]
     if all(found):
         what = f"only the {', '.join(declared[0].untrue)}" if declared[0].untrue else "nothing"
         name = row.get("part") or row["attack"]
         yield f"had {SEPARATOR.join(found[0])} changed; {name} declares {what} untrue"
 
 
-def _action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:
-    """Whether the action and the sender fit the messages in both bags."""
-    action, known = row["action"], before or forged
+def _check_action(row: Row, before: _State | None, forged: Message | None) -> Iterator[str]:
+    """Check the action and the sender against the messages in both bags."""
+    action, message = row["action"], before or forged
     if action not in ACTIONS:
         yield f"is labelled {action}, which is not one of {', '.join(ACTIONS)}"
     if (action == ADDED) != (before is None):
         yield f"is labelled {action}, which contradicts the clean bag"
-    if known is None:
+    if message is None:
         yield "is labelled, but neither bag holds it"
-    elif row["station_id"] != known.station_id:
-        yield f"was sent by station {known.station_id}, but its label says {row['station_id']}"
+    elif row["station_id"] != message.station_id:
+        yield f"was sent by station {message.station_id}, but its label says {row['station_id']}"
     if action == CORRUPT and before is not None and before.values is not None:
         yield "is labelled corrupt, but is a valid CAM"
 
 
-def _times(row: Row, origin: _State | None) -> Iterator[str]:
+def _check_times(row: Row, origin: _State | None) -> Iterator[str]:
     action, time_ns, sent_ns = row["action"], row["time_ns"], row["sent_ns"]
     if (sent_ns is None) != (action == DROPPED):
         yield f"is labelled {action}, but with sent_ns {sent_ns}"
@@ -233,11 +236,11 @@ def _times(row: Row, origin: _State | None) -> Iterator[str]:
         yield f"is labelled delayed, but from {time_ns} ns to {sent_ns} ns"
 
 
-def _values(row: Row, kind: str, said: Values | None) -> Iterator[str]:
-    """The first field in which a label differs from a message."""
+def _check_values(row: Row, state: str, values: Values | None) -> Iterator[str]:
+    """Check a label's values against those of a message."""
     for name in FIELDS:
-        if row[f"{kind}_{name}"] != (None if said is None else said[name]):
-            yield f"differs from its label's {kind}_{name}"
+        if row[f"{state}_{name}"] != (None if values is None else values[name]):
+            yield f"differs from its label's {state}_{name}"
 
 
 def _state(message: Message) -> _State:
@@ -248,11 +251,11 @@ def _after(row: Row) -> _State:
     return _State(row["station_id"], row["sent_ns"], _label_values(row, "false"))
 
 
-def _label_values(row: Row, kind: str) -> Values | None:
-    """The fields of a label; None where it is of no CAM."""
-    if row[f"{kind}_station_id"] is None:
+def _label_values(row: Row, state: str) -> Values | None:
+    """The true or false values in a label; None if the message is not a CAM."""
+    if row[f"{state}_station_id"] is None:
         return None
-    return {name: row[f"{kind}_{name}"] for name in FIELDS}
+    return {name: row[f"{state}_{name}"] for name in FIELDS}
 
 
 def _number(value: float | None) -> float:

@@ -17,7 +17,7 @@ Row = dict[str, Any]
 
 
 class Message(NamedTuple):
-    """A message of /v2x/sent: who sent it, when, and its bytes."""
+    """A message of /v2x/sent: its sender, time and bytes."""
 
     station_id: int
     request_ns: int
@@ -25,7 +25,7 @@ class Message(NamedTuple):
 
 
 class MessageDiff(NamedTuple):
-    """One message in the clean and in the adversarial bag, None where it is not there, and its labels."""
+    """One message in the clean and the adversarial bag, None if a bag lacks it, and its labels."""
 
     number: int
     clean: Message | None
@@ -34,10 +34,10 @@ class MessageDiff(NamedTuple):
 
 
 class Added(NamedTuple):
-    """A message that an attack added. place: the attack's; in_a_second: how many it has added to the same
-    radio's in the second that ends with this one."""
+    """A message that an attack added. attack_index: of the attack; in_a_second: number of messages that it
+    added by the same radio in the second that ends with this one."""
 
-    place: int
+    attack_index: int
     station_id: int
     sent_ns: int
     number: int
@@ -45,10 +45,10 @@ class Added(NamedTuple):
 
 
 class MessageStore:
-    """A temporary SQLite database, of which memory holds a few pages.
+    """A temporary SQLite database, so that memory holds only a few pages.
 
-    Numbers lie in no order in bags, once messages are delayed and added. Raises sqlite3.Error where there is
-    no room, OverflowError for a number that no bag of ours has.
+    Message numbers in bags are not in order once messages are delayed or added. Raises sqlite3.Error if the
+    disk is full, OverflowError for a number beyond 64 bits.
     """
 
     def __init__(self) -> None:
@@ -61,42 +61,45 @@ class MessageStore:
                 for name in ("clean", "forged")
             ),
             "CREATE INDEX of_station ON clean (station_id, request_ns)",
-            "CREATE TABLE labels (number INTEGER, place INTEGER, line INTEGER, row TEXT, "
-            "PRIMARY KEY (number, place, line)) WITHOUT ROWID",
-            "CREATE TABLE added (place INTEGER, station_id INTEGER, sent_ns INTEGER, number INTEGER, "
-            "PRIMARY KEY (place, station_id, sent_ns, number)) WITHOUT ROWID",
+            "CREATE TABLE labels (number INTEGER, attack_index INTEGER, line INTEGER, row TEXT, "
+            "PRIMARY KEY (number, attack_index, line)) WITHOUT ROWID",
+            "CREATE TABLE added (attack_index INTEGER, station_id INTEGER, sent_ns INTEGER, number INTEGER, "
+            "PRIMARY KEY (attack_index, station_id, sent_ns, number)) WITHOUT ROWID",
             "BEGIN",
         ):
             self._database.execute(line)
         self._lines = 0
 
     def close(self) -> None:
+        """Close and delete the database."""
         self._database.close()
 
     def add(self, bag: Literal["clean", "forged"], sent: Sent) -> bool:
-        """Whether it was the first of its number."""
+        """Add a message of a bag; return whether it is the first with its number."""
         values = sent.number, sent.station_id, sent.request_ns, sent.payload
         return self._database.execute(f"INSERT OR IGNORE INTO {bag} VALUES (?, ?, ?, ?)", values).rowcount > 0
 
-    def add_label(self, place: int, row: Row) -> None:
-        """Labels of a message come by their places, and of one place as they were added."""
+    def add_label(self, attack_index: int, row: Row) -> None:
+        """Add a label of the attack with this index; a message's labels are returned by index, then as
+        added."""
         self._lines += 1
-        values = row["number"], place, self._lines, json.dumps(row)
+        values = row["number"], attack_index, self._lines, json.dumps(row)
         self._database.execute("INSERT INTO labels VALUES (?, ?, ?, ?)", values)
 
-    def add_added(self, place: int, row: Row) -> None:
-        """The label of an added message, to be counted: see `added`."""
-        values = place, row["station_id"], row["sent_ns"], row["number"]
+    def add_added(self, attack_index: int, row: Row) -> None:
+        """Add the label of an added message, to be counted by `added`."""
+        values = attack_index, row["station_id"], row["sent_ns"], row["number"]
         self._database.execute("INSERT OR IGNORE INTO added VALUES (?, ?, ?, ?)", values)
 
     def added(self) -> Iterator[Added]:
-        """The added messages by place, station and time, and how many of each were added within a second."""
+        """The added messages by attack, station and time, each with the number added within a second."""
         yield from (
             Added(*found)
             for found in self._database.execute(
-                "SELECT place, station_id, sent_ns, number, COUNT(*) OVER (PARTITION BY place, station_id "
+                "SELECT attack_index, station_id, sent_ns, number, "
+                "COUNT(*) OVER (PARTITION BY attack_index, station_id "
                 f"ORDER BY sent_ns RANGE BETWEEN {NS_PER_S - 1} PRECEDING AND CURRENT ROW) FROM added "
-                "ORDER BY place, station_id, sent_ns, number"
+                "ORDER BY attack_index, station_id, sent_ns, number"
             )
         )
 
@@ -110,7 +113,7 @@ class MessageStore:
         return None if found is None else bytes(found[0])
 
     def diffs(self) -> Iterator[MessageDiff]:
-        """By number."""
+        """All messages with their labels, by number."""
         execute = self._database.execute
         columns = "number, station_id, request_ns, payload"
         merged = heapq.merge(
@@ -124,17 +127,19 @@ class MessageStore:
             ),
             (
                 (number, 2, json.loads(text))
-                for number, text in execute("SELECT number, row FROM labels ORDER BY number, place, line")
+                for number, text in execute(
+                    "SELECT number, row FROM labels ORDER BY number, attack_index, line"
+                )
             ),
             key=itemgetter(0),
         )
         for number, parts in groupby(merged, itemgetter(0)):
             clean = forged = None
             labels: list[Row] = []
-            for _, kind, part in parts:
-                if kind == 0:
+            for _, source, part in parts:
+                if source == 0:
                     clean = part
-                elif kind == 1:
+                elif source == 1:
                     forged = part
                 else:
                     labels.append(part)

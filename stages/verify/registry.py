@@ -48,7 +48,7 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
 }
 
 QUICK = ("checksums", "signature", "crcs")
-"""Those that read every byte once and unpack nothing."""
+"""The checks that read every byte once without decompressing chunks."""
 
 QUICK_ALONE = (*QUICK, "beside")
-"""The same without SHA256SUMS: then the bags' own checksums protect the files next to them."""
+"""The quick checks without SHA256SUMS, where checksums in the bags protect the files beside them."""

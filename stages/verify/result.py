@@ -1,4 +1,4 @@
-"""What verification finds, and what it cannot check."""
+"""Results of verification: faults, and things that could not be checked."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.core.tabular import Rows, Tabular
 
 FAULTS_A_PLACE = 5
-"""Of faults of one check at one place, so many are reported one by one; the others are counted."""
+"""Number of faults of one check at one place that are reported individually; the others are counted."""
 
 NOT_DECLARED = "not checked: the bag comes from a version that did not record attack declarations"
 
 
 class Fault(NamedTuple):
-    """Something is wrong. where: a relative path, perhaps followed by a topic."""
+    """Something that is wrong. where: a relative path, perhaps followed by a topic."""
 
     where: str
     what: str
 
 
 class Unchecked(NamedTuple):
-    """Something cannot be checked, and why."""
+    """Something that cannot be checked, and the reason."""
 
     where: str
     what: str
@@ -36,7 +36,7 @@ Result = Fault | Unchecked
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault, or a gap, with the name of the check that found it; `str` is one line."""
+    """A `Fault` or `Unchecked` with the name of its check; `str` is one line."""
 
     check: str
     where: str
@@ -48,11 +48,12 @@ class Finding:
 
 @dataclass(repr=False)
 class Verification(Tabular):
-    """findings: what is wrong. unchecked: what could not be checked. checks: those that ran.
+    """The outcome of a verification.
 
-    scratch: where an archive lies unpacked; findings leave it out.
+    findings: everything wrong. unchecked: everything that could not be checked. checks: the checks that ran.
+    scratch: folder of an unpacked archive, which is removed from findings.
 
-    In both lists, faults of one check at one place beyond `FAULTS_A_PLACE` are one line with their number.
+    In both lists, results of one check at one place beyond `FAULTS_A_PLACE` are one line with their number.
     """
 
     path: str
@@ -64,6 +65,7 @@ class Verification(Tabular):
 
     @property
     def is_good(self) -> bool:
+        """Whether nothing is wrong."""
         return not self.findings
 
     def __str__(self) -> str:
@@ -77,7 +79,7 @@ class Verification(Tabular):
         return [{"is_fault": is_fault, **asdict(found)} for is_fault, kept in both for found in kept]
 
     def add(self, check: str, results: Iterable[Result]) -> None:
-        """Keep what a check found."""
+        """Add the results of a check."""
         for result in results:
             place = type(result), check, result.where
             self._counts[place] += 1
@@ -86,14 +88,15 @@ class Verification(Tabular):
                 kept.append(Finding(check, result.where, result.what.replace(self.scratch, "")))
 
     def close(self) -> None:
-        """Say how many were left out."""
-        for (kind, check, where), count in self._counts.items():
+        """Add the numbers of results that were not listed individually."""
+        for (result_type, check, where), count in self._counts.items():
             if count > FAULTS_A_PLACE:
-                kept = self.findings if kind is Fault else self.unchecked
+                kept = self.findings if result_type is Fault else self.unchecked
                 kept.append(Finding(check, where, f"and {count - FAULTS_A_PLACE} more like this"))
         self._counts.clear()
 
     def to_json(self) -> str:
+        """The outcome as a JSON document."""
         plain = {
             "path": self.path,
             "good": self.is_good,

@@ -1,4 +1,4 @@
-"""Checks everything that a data set or a bag claims."""
+"""Verify everything that a data set or a bag claims."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from advpipe.stages.verify.subject import Bag, Subject, find_subject
 __all__ = ["verify"]
 
 MALFORMED = (*DAMAGE, TypeError, AttributeError, ArithmeticError)
-"""What malformed records, messages and tables, or absurd values, raise."""
+"""The exceptions that malformed records, messages, tables or values raise."""
 
 
 def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verification:
-    """What is wrong with a data set, a bag, an .mcap file or an archive; memory stays flat.
+    """Verify a data set, a bag, an .mcap file or an archive, in bounded memory.
 
-    quick: checksums, signature and the checksums in the bags alone. key: the signer's public key (PEM). An
-    archive is unpacked where temporary files go. Raises AdvpipeError for a path that names none of them, and
-    for a key that is none.
+    quick: only checksums, signature and the checksums in the bags. key: the signer's public key (PEM). An
+    archive is unpacked to the folder for temporary files. Raises AdvpipeError for any other path, and for an
+    invalid key.
     """
     if key is not None:
         from advpipe.pipeline.dataset.signature import load_public_key
@@ -50,12 +50,13 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
 
 @contextmanager
 def _opened(path: Path, result: Verification) -> Iterator[Subject | None]:
-    """What a path names; of an archive, what it holds. None where that cannot be unpacked: a finding."""
+    """The subject that a path names, or the contents of an archive; None, with a finding, if it is
+    unreadable."""
     whole = whole_name(path)
     if not (path.is_file() or existing_parts(whole)) or whole.suffix != ".tar":
         try:
             subject = find_subject(path)
-        except OSError as error:  # a folder in it that cannot be read
+        except OSError as error:  # an unreadable folder in it
             result.add("container", [Fault(path.name, os_error_line(error))])
             subject = None
         yield subject
@@ -81,9 +82,9 @@ def _run(subject: Subject, quick: bool, result: Verification) -> None:
                 "container", [Unchecked(subject.place(leftover.path), f"{what}; not part of the data set")]
             )
     for name in result.checks:
-        made = CHECKS[name]
-        if issubclass(made, FolderCheck):
-            result.add(name, _safely(made(subject).check(), subject.root.name))
+        check_class = CHECKS[name]
+        if issubclass(check_class, FolderCheck):
+            result.add(name, _safely(check_class(subject).check(), subject.root.name))
     if quick:
         return
     if not subject.bags:
@@ -102,20 +103,22 @@ def _check_bag(bag: Bag, result: Verification) -> None:
         return
     files, count = bag.files, sum(info.count for info in bag.reader.topics.values())
     classes = {name: CHECKS[name] for name in result.checks}
-    checks = {name: made(bag) for name, made in classes.items() if issubclass(made, BagCheck)}
-    watching = [(name, check) for name, check in checks.items() if isinstance(check, MessageCheck)]
+    checks = {
+        name: check_class(bag) for name, check_class in classes.items() if issubclass(check_class, BagCheck)
+    }
+    message_checks = [(name, check) for name, check in checks.items() if isinstance(check, MessageCheck)]
     bag.scanners = [McapScanner(file) for file in files]
     messages = (raw for scanner in bag.scanners for raw in scanner.messages())
     for raw in track(messages, f"checking {bag.place}", count):
-        seen = MessageView(bag, raw)
-        for name, watcher in watching:
-            result.add(name, _safely(watcher.see(seen), seen.where))
+        view = MessageView(bag, raw)
+        for name, message_check in message_checks:
+            result.add(name, _safely(message_check.see(view), view.where))
     for name, check in checks.items():
         result.add(name, _safely(check.check(), bag.place))
 
 
 def _opening(bag: Bag) -> Iterator[Result]:
-    """Yields nothing; raises the error of a bag whose provenance or topics cannot be read."""
+    """Yield nothing; raise the error of a bag whose provenance or topics are unreadable."""
     _ = bag.files, bag.provenance, bag.reader.topics
     yield from ()
 

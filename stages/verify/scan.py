@@ -29,12 +29,12 @@ _MAGIC_BYTES = len(MCAP0_MAGIC)
 _DATA_END_BYTES = HEAD.size + 4
 _CRC_BYTES = 4
 OWN_LIBRARY = "advpipe"
-"""What our writer puts into the header: it leaves no checksum out."""
+"""The library in the header of advpipe's writer, which writes all checksums."""
 
 
 @dataclass(frozen=True)
 class FileScan:
-    """A file's SHA-256, and what is wrong with an .mcap file's checksums.
+    """A file's SHA-256, and the faults of an .mcap file's checksums.
 
     covered: whether the checksums of the data section and of the summary cover all of it.
     """
@@ -46,7 +46,7 @@ class FileScan:
 
 @dataclass(frozen=True)
 class _Span:
-    """Bytes of a file and the CRC-32 that they are to have; 0 for none."""
+    """A range of bytes of a file and its stated CRC-32; 0 for none."""
 
     name: str
     start: int
@@ -55,7 +55,7 @@ class _Span:
 
 
 def scan(path: Path) -> FileScan:
-    """Reads a file once, block by block. Raises OSError alone."""
+    """Read a file once, block by block. Raises only OSError."""
     spans, fault, covered, is_own = list[_Span](), "", True, False
     with path.open("rb", buffering=0) as stream:
         if path.suffix == ".mcap":
@@ -76,16 +76,16 @@ def scan(path: Path) -> FileScan:
 
 
 def _sums(stream: FileIO, spans: list[_Span]) -> tuple[str, list[int]]:
-    """SHA-256 of the rest of a file, and the CRC-32 of each span. Both work at once on a large file."""
+    """SHA-256 of the rest of a file, and the CRC-32 of each span, computed in parallel for a large file."""
     sha256, crcs, start = hashlib.sha256(), [0] * len(spans), 0
     size = os.fstat(stream.fileno()).st_size
-    is_small = size <= BLOCK_BYTES  # not worth a thread, nor the time to clear three blocks
+    is_small = size <= BLOCK_BYTES  # not worth a thread, or allocating three blocks
     length, count = (max(size, 1), 1) if is_small else (BLOCK_BYTES, _BLOCKS)
     blocks = cycle([memoryview(bytearray(length)) for _ in range(count)])
     hashing: deque[Future[None]] = deque()
     with ThreadPoolExecutor(1) as hasher:
         for block in blocks:
-            if len(hashing) == _BLOCKS:  # this very block's turn was the oldest
+            if len(hashing) == _BLOCKS:  # the oldest one still reads this block
                 hashing.popleft().result()
             part = block[: stream.readinto(block)]
             if not part:
@@ -103,7 +103,8 @@ def _sums(stream: FileIO, spans: list[_Span]) -> tuple[str, list[int]]:
 
 
 def _spans(stream: IO[bytes]) -> Iterator[_Span]:
-    """What the file's checksums cover: together all of it but themselves and the last magic."""
+    """The spans that the file's checksums cover: together all of it except the checksums and the last
+    magic."""
     size = stream.seek(0, 2)
     stream.seek(max(size - _MAGIC_BYTES, 0))
     if stream.read() != MCAP0_MAGIC or size < 2 * _MAGIC_BYTES + FOOTER_BYTES:
@@ -127,7 +128,7 @@ def _spans(stream: IO[bytes]) -> Iterator[_Span]:
 
 
 def _record(stream: IO[bytes], start: int, end: int) -> tuple[int, bytes]:
-    """The one record between two places."""
+    """The only record between two offsets."""
     record = next(read_records(stream, start, end))
     if record.end != end:
         raise struct.error(f"the record at {start} has an unexpected length")
@@ -135,7 +136,7 @@ def _record(stream: IO[bytes], start: int, end: int) -> tuple[int, bytes]:
 
 
 def _is_own(stream: IO[bytes]) -> bool:
-    """Whether the header says that advpipe wrote the file."""
+    """Whether advpipe wrote the file, by its header."""
     end = stream.seek(0, 2)
     first = next(read_records(stream, _MAGIC_BYTES, end, (Opcode.HEADER,)))
     header = parse_record(first.opcode, first.body) if first.body else None

@@ -1,4 +1,4 @@
-"""What is verified: a data set, a bag alone, or what an archive holds."""
+"""The subject of verification: a data set, a single bag, or the contents of an archive."""
 
 from __future__ import annotations
 
@@ -35,28 +35,32 @@ class Bag:
 
     @cached_property
     def reader(self) -> BagReader:
+        """A reader of the bag."""
         return BagReader(self.path)
 
     @cached_property
     def files(self) -> list[Path]:
+        """Its .mcap files, in order."""
         return mcap_files(self.path)
 
     @cached_property
     def provenance(self) -> Provenance:
+        """Its provenance record."""
         return self.reader.provenance
 
     @property
     def is_own(self) -> bool:
-        """Whether advpipe recorded the drive: other tools' bags, and attacks on them, promise less."""
+        """Whether advpipe recorded the drive; other tools' bags, and attacks on them, make fewer claims."""
         return "scenario" in self.provenance
 
     @property
     def is_attack(self) -> bool:
+        """Whether it is an adversarial bag."""
         return self.provenance.is_attack
 
     @cached_property
     def scenario(self) -> dict[str, Any] | None:
-        """The resolved scenario as plain values; None in another tool's bag, and where it is unreadable."""
+        """The resolved scenario as plain values; None for another tool's bag, or if it is unreadable."""
         try:
             found: dict[str, Any] = read_yaml(self.provenance.fields.scenario, dict[str, Any], self.place, "")
         except AdvpipeError:
@@ -65,7 +69,8 @@ class Bag:
 
     @cached_property
     def sha256(self) -> str | None:
-        """Over its .mcap files, as an attack on it states it; None where one of them cannot be read."""
+        """The checksum of its .mcap files, as in `parent_sha256` of an attack on it; None if one is
+        unreadable."""
         try:
             if len(self.files) == 1:
                 return self.subject.scan(self.files[0]).sha256
@@ -75,7 +80,7 @@ class Bag:
 
     @cached_property
     def parent(self) -> Bag | None:
-        """The bag that an attack was made from: the one with the right checksum; None if it is not here."""
+        """The bag from which an attack was made, found by its checksum; None if it is not here."""
         wanted = self.provenance.fields.parent_sha256
         for bag in self.subject.candidates:
             if bag.path != self.path and bag.sha256 is not None and bag.sha256 == wanted:
@@ -85,9 +90,10 @@ class Bag:
 
 @dataclass
 class Subject:
-    """bags: those that are verified. candidates: those that may be parents; of a lone attack, its siblings.
+    """The bags to verify.
 
-    root: findings name paths in it. key: the signer's, as the user gave it.
+    candidates: bags that may be parents; for a single attack, the clean bag beside it. root: findings name
+    paths relative to it. key: the signer's public key from the user.
     """
 
     root: Path
@@ -98,7 +104,7 @@ class Subject:
     _scans: dict[Path, FileScan | AdvpipeError] = field(default_factory=dict)
 
     def scan(self, path: Path) -> FileScan:
-        """Its bytes, read once however often this is asked. Raises AdvpipeError where they cannot be read."""
+        """The scan of a file, cached. Raises AdvpipeError for an unreadable file."""
         if path not in self._scans:
             try:
                 self._scans[path] = scan(path)
@@ -110,18 +116,19 @@ class Subject:
         return found
 
     def place(self, path: Path) -> str:
-        """How findings name a path."""
+        """The name of a path in findings."""
         if path == self.root:
             return path.name
         return path.relative_to(self.root).as_posix() if path.is_relative_to(self.root) else str(path)
 
     @property
     def has_sums(self) -> bool:
+        """Whether there is a SHA256SUMS."""
         return (self.root / checksums.FILE).is_file()
 
 
 def find_subject(path: Path) -> Subject:
-    """What a path names. Raises AdvpipeError for what is neither a data set nor a bag."""
+    """The subject that a path names. Raises AdvpipeError for a path that is neither a data set nor a bag."""
     path = Path(path)
     if not path.exists():
         raise UsageError(f"{path} does not exist; give a data set, a bag, an .mcap file or an archive")

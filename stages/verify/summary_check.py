@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 def check_summary(scanner: McapScanner, records: Iterable[Record], summary_start: int) -> None:
-    """Compare the summary with what was read; differences become faults of the scanner.
+    """Compare the summary with the records that were read; differences become faults of the scanner.
 
-    summary_start: where the data section ended. A summary may leave things out, as the format allows; what it
-    says has to be so.
+    summary_start: offset of the data section's end. The format allows a summary to omit records, but those in
+    it must be correct.
     """
     stated: list[McapRecord] = []
     groups: list[SummaryOffset] = []
@@ -58,21 +58,21 @@ def check_summary(scanner: McapScanner, records: Iterable[Record], summary_start
         scanner.faults.append("the footer states a wrong offset of the summary")
     if footer.summary_offset_start != offset_start:
         scanner.faults.append("the footer states a wrong offset of the summary offsets")
-    offsets = [one for one in stated if isinstance(one, SummaryOffset) and one.group_length]
+    offsets = [record for record in stated if isinstance(record, SummaryOffset) and record.group_length]
     if offsets and _by_start(offsets) != _by_start(groups):
         scanner.faults.append("the summary offsets do not match its groups")
     _compare(scanner, stated)
 
 
 def _by_start(offsets: list[SummaryOffset]) -> list[tuple[int, int, int]]:
-    return sorted((one.group_start, one.group_opcode, one.group_length) for one in offsets)
+    return sorted((record.group_start, record.group_opcode, record.group_length) for record in offsets)
 
 
 def _compare(scanner: McapScanner, stated: list[McapRecord]) -> None:
-    for schema in (one for one in stated if isinstance(one, Schema)):
+    for schema in (record for record in stated if isinstance(record, Schema)):
         if scanner.schemas.get(schema.id) != schema:
             scanner.faults.append(f"the summary and the data section define schema {schema.id} differently")
-    for channel in (one for one in stated if isinstance(one, Channel)):
+    for channel in (record for record in stated if isinstance(record, Channel)):
         if scanner.channels.get(channel.id, channel) != channel:
             scanner.faults.append(f"the summary and the data section define channel {channel.id} differently")
     indexes = sorted((c for c in stated if isinstance(c, ChunkIndex)), key=lambda c: c.chunk_start_offset)
@@ -81,13 +81,15 @@ def _compare(scanner: McapScanner, stated: list[McapRecord]) -> None:
     metadata = sorted((m for m in stated if isinstance(m, MetadataIndex)), key=lambda m: m.offset)
     if metadata and metadata != scanner.metadata:
         scanner.faults.append("the summary's metadata index does not match the records")
-    attached = sum(isinstance(one, AttachmentIndex) for one in stated)
+    attached = sum(isinstance(record, AttachmentIndex) for record in stated)
     if attached not in (0, scanner.attachments):
         scanner.faults.append(
             f"the summary lists {attached} attachments, but there are {scanner.attachments}"
         )
-    for statistics in (one for one in stated if isinstance(one, Statistics)):
-        _compare_statistics(scanner, statistics, {one.id for one in stated if isinstance(one, Schema)})
+    for statistics in (record for record in stated if isinstance(record, Statistics)):
+        _compare_statistics(
+            scanner, statistics, {record.id for record in stated if isinstance(record, Schema)}
+        )
 
 
 def _compare_statistics(scanner: McapScanner, stated: Statistics, schema_ids: set[int]) -> None:

@@ -1,4 +1,4 @@
-"""Tries hostile inputs of every kind for a while; exit code 1 if any was not handled. See docs/fuzzing.md."""
+"""Fuzzes all targets for a given time; exit code 1 if any input was not handled. See docs/fuzzing.md."""
 
 from __future__ import annotations
 

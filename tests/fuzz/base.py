@@ -1,4 +1,4 @@
-"""The valid documents that inputs start from, all made by advpipe itself; a few seconds, once a run."""
+"""Makes the valid documents from which inputs are mutated, with advpipe itself; a few seconds per run."""
 
 from __future__ import annotations
 

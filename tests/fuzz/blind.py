@@ -1,4 +1,4 @@
-"""A detector that finds nothing, at once."""
+"""A detector that detects nothing, immediately."""
 
 from __future__ import annotations
 
@@ -16,4 +16,4 @@ class BlindDetector:
         return Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
 
     def loss(self, points: object, boxes: object, labels: object) -> object:
-        raise AssertionError("evaluating asks for no loss")
+        raise AssertionError("an evaluation computes no loss")

@@ -1,4 +1,4 @@
-"""Entry points of advpipe as a target calls them: what a command of that name does, in this process."""
+"""The entry points of advpipe that targets call: each does what the command of that name does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is tried: one file that replaces one of a valid tree, the call that reads it, and how that ended."""
+"""A fuzzing case: a file that replaces one of a valid tree, the call that reads it, and its outcome."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Fault:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """Equal for faults that have one cause, as far as can be told."""
+        """Equal for faults that presumably have the same cause."""
         return self.kind, self.what.partition(":")[0] if self.kind == "exception" else "", self.where
 
 

@@ -49,7 +49,7 @@ LIBFUZZER = (
 
 
 class Enough(BaseException):
-    """As many inputs as were asked for; no Exception, so that hypothesis lets it pass."""
+    """The requested number of inputs was tried; not an Exception, so that hypothesis does not catch it."""
 
 
 def has_atheris() -> bool:

@@ -15,7 +15,7 @@ ABOUT, TRACE = "about.json", "traceback.txt"
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault that some inputs showed; folder: where the smallest of them lies."""
+    """A fault that some inputs triggered; folder: holds the smallest of them."""
 
     folder: Path
     target: str

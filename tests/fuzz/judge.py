@@ -35,7 +35,7 @@ def attempt(target: Target, case: Case, base: Path, scratch: Path) -> Fault | No
 
 
 def lay_out(base: Path, tree: Path, case: Case) -> None:
-    """A copy of the base in hard links, for nobody writes into what it reads, with the file in its place."""
+    """Copy the base as hard links, since no call writes to its input, and put the case's file in it."""
     shutil.copytree(base, tree, copy_function=os.link)
     place = tree / case.place
     place.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""An .mcap file taken apart into records, and put together again with lengths, places and checksums right."""
+"""Splits an .mcap file into records, and joins them again with correct lengths, offsets and checksums."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inputs that once were not handled, the smallest of each kind, made anew each time: they stay handled."""
+"""Regression inputs: the smallest of each type that was once not handled; each run makes them anew."""
 
 from __future__ import annotations
 
@@ -147,13 +147,13 @@ def no_turn(message: Any) -> None:
 
 
 def no_place(message: Any) -> None:
-    """Positions that are no numbers."""
+    """Positions that are NaN."""
     for station in message.stations:
         object.__setattr__(station.pose.position, "x", float("nan"))
 
 
 def of_a_stranger(message: Any) -> None:
-    """A sender that no list of stations knows."""
+    """A sender that no list of stations contains."""
     object.__setattr__(message, "station_id", 0)
 
 
@@ -178,7 +178,7 @@ def parquet_bomb(call: str, place: str, rows: int = BOMB_ROWS) -> Callable[[Path
 
 
 def group_of_other_names(call: str, place: str, column: bytes) -> Callable[[Path], Case]:
-    """A table whose last group of rows calls a column by a name that is no text."""
+    """A table whose last row group has a column name that is not UTF-8."""
 
     def make(folder: Path) -> Case:
         before, found, after = (folder / base.DRIVE / place).read_bytes().rpartition(b"\x19\x18" + column)
@@ -203,7 +203,7 @@ def zip_bomb(folder: Path) -> Case:
 
 
 def checkpoint_about(edit: Edit) -> Callable[[Path], Case]:
-    """A checkpoint of ours that says something else of itself."""
+    """An advpipe checkpoint with other metadata."""
 
     def make(folder: Path) -> Case:
         data = (folder / base.WEIGHTS / checkpoint.OURS).read_bytes()

@@ -1,4 +1,4 @@
-"""The fuzzer itself: it sees every kind of fault, goes on after each, and shows it again."""
+"""The fuzzer itself: it finds every type of fault, continues after each, and reproduces it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_every_planted_fault_is_found_and_nothing_else(found: dict[str, Finding]
     assert {call: finding.fault.kind for call, finding in found.items()} == FAULTS
 
 
-def test_a_finding_says_where(found: dict[str, Finding]) -> None:
+def test_a_finding_names_its_target_and_place(found: dict[str, Finding]) -> None:
     assert found["raises"].fault.what == "KeyError: 'planted'"
     assert found["raises"].fault.where.startswith("pipeline/core/text.py:")
     assert "planted.py" in found["raises"].fault.trace
@@ -55,14 +55,14 @@ def test_a_finding_says_where(found: dict[str, Finding]) -> None:
 
 
 @pytest.mark.parametrize("call", ["raises", "aborts"])
-def test_a_finding_is_shown_again(out: Path, found: dict[str, Finding], call: str) -> None:
+def test_a_recorded_finding_is_reproduced(out: Path, found: dict[str, Finding], call: str) -> None:
     done = replayed(out, found[call].folder / FILE)
     assert done.returncode == 1, done.stderr
     assert f"{FAULTS[call]} in {call}" in done.stdout
     assert done.stdout.endswith("not handled\n")
 
 
-def test_what_was_fixed_is_handled(out: Path, found: dict[str, Finding]) -> None:
+def test_a_fixed_finding_is_handled(out: Path, found: dict[str, Finding]) -> None:
     folder = found["raises"].folder
     about = json.loads((folder / ABOUT).read_text())
     (folder / ABOUT).write_text(json.dumps(about | {"call": "refuses"}))
@@ -95,7 +95,7 @@ def test_the_same_seed_draws_the_same_inputs(tmp_path: Path) -> None:
     assert drawn(1) == drawn(1) != drawn(2)
 
 
-def test_atheris_sees_where_inputs_go(tmp_path: Path) -> None:
+def test_atheris_measures_coverage(tmp_path: Path) -> None:
     pytest.importorskip("atheris")
     (tmp_path / "base" / "tables").mkdir(parents=True)
     run = watch(tmp_path, engine="atheris", seed=0, inputs=250)

@@ -1,4 +1,4 @@
-"""What once broke advpipe stays mended."""
+"""Regression inputs: each is handled."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Finding]:
 
 
 @pytest.mark.parametrize("name", [seed.name for seed in SEEDS])
-def test_it_is_handled(name: str, found: dict[str, Finding]) -> None:
+def test_every_seed_input_is_handled(name: str, found: dict[str, Finding]) -> None:
     assert name not in found, f"{found[name]}\n{found[name].fault.trace}"
 
 

@@ -1,4 +1,4 @@
-"""A few inputs of each target, always the same ones: nothing among them goes unhandled."""
+"""A few inputs of each target, always the same ones: all are handled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a process waits for a core is no hang of it."""
+"""Time that a process waits for a core is not counted as a hang."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BUSY = (
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the kernel does not count waiting")
-def test_waiting_for_a_core_is_measured() -> None:
+def test_time_spent_waiting_for_a_core_is_measured() -> None:
     core, end_s = min(os.sched_getaffinity(0)), time.monotonic() + 2
     code = BUSY.replace("{0}", f"{{{core}}}").replace("{end}", str(end_s))
     both = [

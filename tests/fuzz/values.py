@@ -1,4 +1,4 @@
-"""Values that nobody wrote a reader for, and trees of plain values with some of them in it."""
+"""Hostile values, and trees of plain values that contain some of them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def scalars() -> st.SearchStrategy[Any]:
 
 
 class Raw:
-    """Text that stands in a document as it is, quoted by nobody."""
+    """Text that is inserted into a document without quoting."""
 
     def __init__(self, text: str) -> None:
         self.text = text

@@ -1,4 +1,4 @@
-"""Keeps a worker within its time and memory, saves the input that went beyond, and lets a new one go on."""
+"""Limits a worker's time and memory, saves the input that exceeded them, and continues with a new worker."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Watch:
 
     @property
     def edges(self) -> int:
-        """Edges of advpipe's code that inputs reached, as atheris last said; 0 of another engine."""
+        """Edges of advpipe's code that inputs reached, as atheris last reported; 0 for another engine."""
         found = _COVERED.findall(self._log.read_bytes()[-100_000:]) if self._log.is_file() else []
         return int(found[-1]) if found else 0
 
@@ -170,7 +170,7 @@ def session_bytes(session: int) -> int:
 
 
 def longest_wait_s(session: int, before_s: float) -> float:
-    """How long one process of a session has waited for a core: beside other work, that is nobody's fault.
+    """The longest time that a process of a session has waited for a core, which is no fault of the input.
 
     before_s: how long its leader had waited when the input began; the others began with it.
     """

@@ -28,7 +28,7 @@ RECYCLED = 3
 
 LARGE_BYTES = 1 << 30
 ADDRESSES_BYTES, FILE_BYTES = 24 << 30, 4 << 30
-"""The most that a worker may map and write at once, whatever its watcher does."""
+"""Limits of a worker's address space and of the size of a file, independent of its watcher."""
 
 
 class Folder:
@@ -107,7 +107,7 @@ class Bench:
 
 
 def limit() -> None:
-    """Bounds that hold even where nobody looks, and a way to be asked where we are."""
+    """Set limits that do not depend on the watcher, and a signal handler that dumps the stack."""
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES_BYTES, ADDRESSES_BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

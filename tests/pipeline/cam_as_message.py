@@ -41,7 +41,7 @@ def cam_message(tree: CamTree) -> Any:
     try:
         return _message("CAM", tree)
     except ValueError as error:
-        raise CamError(f"etsi_its_cam_msgs/CAM does not know what this CAM holds: {error}") from None
+        raise CamError(f"etsi_its_cam_msgs/CAM cannot hold a value of this CAM: {error}") from None
 
 
 def cam_of_message(message: Any) -> CamTree:

@@ -176,7 +176,7 @@ def cam_vector() -> bytes:
 @pytest.fixture
 def random_cam_tree() -> Callable[..., CamTree]:
     def random_cam_tree(rng: np.random.Generator, vehicle: bool = False) -> CamTree:
-        """Any values that the ASN.1 allows, the ends of ranges often; of a vehicle alone if so asked."""
+        """Any values that the ASN.1 allows, often at the ends of ranges; optionally only of a vehicle."""
         tree: CamTree = _random_value(asn1_cam(), rng)
         tree["header"] |= {"protocolVersion": 2, "messageID": 2}
         while vehicle and tree["cam"]["camParameters"]["highFrequencyContainer"][0].startswith("rsu"):

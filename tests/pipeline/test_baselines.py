@@ -46,7 +46,7 @@ def test_remove_same_seed_same_points():
 
 
 @pytest.mark.parametrize("scale_m", [1.0, 50.0, 1e5])
-def test_move_within_never_exceeds_its_length_and_hardly_falls_short(scale_m):
+def test_move_within_never_exceeds_its_offset_and_is_nearly_exact(scale_m):
     start, rng = xyz(cloud_of(5000, scale_m)), np.random.default_rng(2)
     length = rng.uniform(0, 0.2, 5000)
     length[:10] = 0.0

@@ -144,7 +144,7 @@ def _cut(raws: list[RawMessage], reader: BagReader) -> Iterator[RawMessage]:
 
 
 def _alike(raws: list[RawMessage], reader: BagReader) -> Iterator[RawMessage]:
-    """All say what the first one says."""
+    """All are copies of the first one."""
     for raw in raws:
         yield replace(raw, cdr=raws[0].cdr)
 

@@ -37,30 +37,32 @@ def try_all(clean: Path, tmp_path: Path, mutations: list[Mutation], commands: tu
 
 @pytest.mark.parametrize("name", WHOLE)
 @pytest.mark.parametrize("topic", V2X)
-def test_what_becomes_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str, name: str) -> None:
+def test_mutated_radio_messages_are_handled(clean: Path, tmp_path: Path, topic: str, name: str) -> None:
     try_all(clean, tmp_path, [Mutation(topic, name, WHOLE[name])], ON_THE_AIR)
 
 
 @pytest.mark.parametrize("place", [0, *(pytest.param(each, marks=NIGHTLY) for each in range(1, 5))])
 @pytest.mark.parametrize("topic", V2X)
-def test_fields_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str, place: int) -> None:
+def test_mutated_fields_of_radio_messages_are_handled(
+    clean: Path, tmp_path: Path, topic: str, place: int
+) -> None:
     mutations = list(mutations_of(BagReader(clean), topic))
     try_all(clean, tmp_path, mutations[place :: len(mutations) // 4], ("verify", "export", "cam", "gnss"))
 
 
 @NIGHTLY
 @pytest.mark.parametrize("topic", V2X)
-def test_all_fields_of_messages_on_the_air(clean: Path, tmp_path: Path, topic: str) -> None:
+def test_every_mutated_field_of_radio_messages_is_handled(clean: Path, tmp_path: Path, topic: str) -> None:
     try_all(clean, tmp_path, list(mutations_of(BagReader(clean), topic)), ON_THE_AIR)
 
 
 @NIGHTLY
 @pytest.mark.parametrize("topic", SENSED)
-def test_fields_of_what_is_sensed(clean: Path, tmp_path: Path, topic: str) -> None:
+def test_mutated_fields_of_sensor_messages_are_handled(clean: Path, tmp_path: Path, topic: str) -> None:
     try_all(clean, tmp_path, list(mutations_of(BagReader(clean), topic))[::3], ON_BOARD)
 
 
 @pytest.mark.parametrize("name", ["no rotation", "shifted", "none", "cut"])
 @pytest.mark.parametrize("topic", ["/ego/odometry", "/ego/ground_truth/odometry", "/tf_static"])
-def test_what_becomes_of_poses(clean: Path, tmp_path: Path, topic: str, name: str) -> None:
+def test_mutated_poses_are_handled(clean: Path, tmp_path: Path, topic: str, name: str) -> None:
     try_all(clean, tmp_path, [Mutation(topic, name, WHOLE[name])], ("verify", "gnss", "evaluate alone"))

@@ -1,4 +1,4 @@
-"""Texts inside bags and data sets that somebody wrote by hand: every command ends with one line, or works."""
+"""Hand-written texts inside bags and data sets: every command works or fails with a one-line error."""
 
 from __future__ import annotations
 
@@ -120,14 +120,16 @@ TEXTS: dict[str, tuple[str, ...]] = {
 
 @pytest.mark.parametrize("text", some(NOT_JSON, 5))
 @pytest.mark.parametrize("topic", TEXTS)
-def test_texts_that_are_no_such_document(drive: Path, tmp_path: Path, topic: str, text: str) -> None:
+def test_texts_that_are_not_documents_are_refused(drive: Path, tmp_path: Path, topic: str, text: str) -> None:
     write_text(drive / "clean", tmp_path / "bag", topic, text)
     assert failures(drive / "clean", tmp_path / "bag", TEXTS[topic]) == []
 
 
 @pytest.mark.parametrize("number", range(0, 2 * len(ODD), 7))
 @pytest.mark.parametrize("topic", TEXTS)
-def test_documents_with_an_odd_value(drive: Path, tmp_path: Path, topic: str, number: int) -> None:
+def test_documents_with_an_invalid_value_are_refused(
+    drive: Path, tmp_path: Path, topic: str, number: int
+) -> None:
     texts = {"/v2x/buildings": BUILDINGS}
     if topic not in texts:
         ((_, message),) = BagReader(drive / "clean").messages(topic)
@@ -138,7 +140,7 @@ def test_documents_with_an_odd_value(drive: Path, tmp_path: Path, topic: str, nu
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("topic", ["/scenario/info", "/v2x/statistics"])
-def test_each_value_of_a_document(drive: Path, tmp_path: Path, topic: str) -> None:
+def test_every_invalid_value_of_a_document_is_handled(drive: Path, tmp_path: Path, topic: str) -> None:
     ((_, message),) = BagReader(drive / "clean").messages(topic)
     for number in range(len(list(leaves(json.loads(message.data)))) * 3):
         write_text(drive / "clean", tmp_path / str(number), topic, with_odd(message.data, number))
@@ -195,7 +197,9 @@ RECORDS: dict[str, tuple[str, ...]] = {
 
 @pytest.mark.parametrize("record", some([(key, text) for key, texts in RECORDS.items() for text in texts], 9))
 @pytest.mark.parametrize("bag", ["cam-position-offset", "clean"])
-def test_records(drive: Path, tmp_path: Path, bag: str, record: tuple[str, str]) -> None:
+def test_invalid_provenance_records_are_handled(
+    drive: Path, tmp_path: Path, bag: str, record: tuple[str, str]
+) -> None:
     key, text = record
     write_record(drive / bag, tmp_path / "bag", {key: text})
     for table in (drive / bag).glob("*.parquet"):
@@ -229,7 +233,7 @@ CONTENTS = (
 
 @pytest.mark.parametrize("content", some(CONTENTS, 4))
 @pytest.mark.parametrize("name", FILES)
-def test_files_of_a_data_set(
+def test_invalid_files_of_a_data_set_are_handled(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes
 ) -> None:
     folder = Path(shutil.copytree(drive, tmp_path / "drive"))
@@ -250,8 +254,8 @@ def test_files_of_a_data_set(
         assert "Traceback" not in result.output
 
 
-def test_run_over_files_that_are_none(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scenario.yaml that is no text is somebody's file, which is kept."""
+def test_run_refuses_invalid_files(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scenario.yaml that is not text may be a user's file, so it is kept."""
     folder = Path(shutil.copytree(drive, tmp_path / "drive"))
     (folder / "scenario.yaml").write_bytes(BINARY)
     settings = [word for one in SMALL for word in ("--set", one)]
@@ -261,7 +265,7 @@ def test_run_over_files_that_are_none(drive: Path, tmp_path: Path, monkeypatch: 
     assert (folder / "scenario.yaml").read_bytes() == BINARY
 
 
-def test_recover_beside_a_scenario_that_is_none(drive: Path, tmp_path: Path) -> None:
+def test_recover_beside_an_invalid_scenario_is_refused(drive: Path, tmp_path: Path) -> None:
     folder = tmp_path / "cut"
     (folder / "clean").mkdir(parents=True)
     (source,) = (drive / "clean").glob("*.mcap")

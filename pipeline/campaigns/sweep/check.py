@@ -12,15 +12,15 @@ from advpipe.pipeline.campaigns.sweep.settings import refuse_other_work, with_th
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.core.verbosity import say
+from advpipe.pipeline.core.verbosity import print_result
 
 
 def check_cells(
     bench: Bench, store: Store, places: Sequence[tuple[str, SweepBudget]], count: int, seed: int
 ) -> list[str]:
-    """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs.
+    """Compute some of the stored cells again with their settings; raises AdvpipeError if one differs.
 
-    By the code that there is: figures that stay the same show that a change of it changed nothing.
+    The current code computes them: equal figures show that changes of the code did not change them.
     """
 
     stored = [(cell, budget) for recipe, budget in places if (cell := store.load(recipe, budget.name))]
@@ -35,7 +35,7 @@ def check_cells(
         now = with_this_code(cell.settings)
         found = cell_differences(cell, again.run(budget, cell.recipe, now)[0])
         same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
-        say(f"{cell.name}: {'; '.join(found[:5]) or same}")
+        print_result(f"{cell.name}: {'; '.join(found[:5]) or same}")
         checked.append(cell.name)
         wrong += [cell.name] if found else []
     again.tidy(again.out)

@@ -1,4 +1,4 @@
-"""What a sweep is run on, looked at before hours are spent."""
+"""The settings of a sweep, checked before hours are spent."""
 
 from __future__ import annotations
 

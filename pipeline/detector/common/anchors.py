@@ -13,8 +13,8 @@ from advpipe.pipeline.detector.common.preset import AnchorPreset
 
 @dataclass(frozen=True)
 class Targets:
-    """The training targets of the N anchors of one cloud; anchors neither positive nor ignored are
-    background.
+    """The training targets of the N anchors of one cloud; all anchors that are neither positive nor ignored
+    are background.
 
     positive: (P,) int64 anchors. boxes: (P, 7) and labels: (P,) of the target of each.
     ignored: (I,) int64 anchors that do not contribute to the loss.
@@ -67,9 +67,10 @@ class AnchorGrid:
     def assign(self, boxes: Tensor, labels: Tensor, ignored: Tensor | None = None) -> Targets:
         """Targets for boxes (M, 7) and labels (M,); boxes in the mask `ignored` (M,) are not learned.
 
-        As OpenPCDet's AxisAlignedTargetAssigner: IoU of the nearest axis-aligned rectangles within
-        a class; positive from `positive_iou`, and for each box its best anchors whatever their IoU;
-        between the thresholds ignored. An ignored box's anchors are no background either.
+        The rules are those of OpenPCDet's AxisAlignedTargetAssigner. Within a class, the IoU of an anchor and
+        a box is computed for their nearest axis-aligned rectangles. An anchor is positive from `positive_iou`
+        on, and so are the best anchors of each box, whatever their IoU; an anchor between both thresholds is
+        ignored. The anchors of an ignored box are ignored, too, instead of being background.
         """
         r = self.preset.range_m
         inside = (boxes[:, 0] >= r.x_min_m) & (boxes[:, 0] < r.x_max_m)
@@ -78,11 +79,11 @@ class AnchorGrid:
         positive, matched, skipped = [], [], []
         for label in range(len(self.preset.classes)):
             shapes = (self.labels == label).nonzero().squeeze(1)
-            mine = inside & (labels == label)
-            if len(shapes) == 0 or not mine.any():
+            of_class = inside & (labels == label)
+            if len(shapes) == 0 or not of_class.any():
                 continue
-            learned = (mine & is_learned).nonzero().squeeze(1)
-            others = (mine & ~is_learned).nonzero().squeeze(1)
+            learned = (of_class & is_learned).nonzero().squeeze(1)
+            others = (of_class & ~is_learned).nonzero().squeeze(1)
             low = self.negative_iou[shapes].expand(self.height, self.width, -1)
             grey = torch.zeros_like(low, dtype=torch.bool)
             cells = torch.arange(self.height * self.width, device=boxes.device) * self.per_cell
@@ -93,13 +94,13 @@ class AnchorGrid:
                 iou = self._iou(boxes[learned], shapes)
                 best_of_box = iou.flatten(1).amax(1).view(-1, 1, 1, 1)
                 chosen = ((iou == best_of_box) & (best_of_box > 0)).any(0)
-                best, teacher = iou.max(0)
+                best, matched_box = iou.max(0)
                 chosen |= best >= self.positive_iou[shapes]
                 grey |= best >= low
                 grey &= ~chosen
                 rows = chosen.flatten().nonzero().squeeze(1)
                 positive.append(flat[rows])
-                matched.append(learned[teacher.flatten()[rows]])
+                matched.append(learned[matched_box.flatten()[rows]])
             skipped.append(flat[grey.flatten()])
         none = labels.new_zeros(0)
         match = torch.cat([*matched, none])

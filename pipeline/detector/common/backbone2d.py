@@ -1,4 +1,4 @@
-"""The bird's-eye backbone: blocks of 2D convolutions at two scales, brought together (OpenPCDet's
+"""The bird's-eye backbone: blocks of 2D convolutions at two scales, upsampled and concatenated (OpenPCDet's
 BaseBEVBackbone)."""
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class Upsample(nn.ConvTranspose2d):
 
 
 class Backbone2d(nn.Module):
-    """Each block halves the map or keeps it; all of them, brought to one scale, side by side."""
+    """Blocks that each halve the map or keep its size; their outputs are upsampled to one scale and
+    concatenated."""
 
     def __init__(self, sizes: Sequence[BevBlock], c_in: int) -> None:
         super().__init__()

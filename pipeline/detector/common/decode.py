@@ -20,12 +20,11 @@ SCORE_THRESHOLD = 0.1
 
 @torch.no_grad()
 def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
-    """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most as many as the preset
-    says.
+    """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most `max_detections`.
 
-    Each anchor yields its best class or, with `suppress_by_class`, each class above the threshold;
-    suppression then goes by class. Where the head predicts the quality of boxes, it counts as `quality_power`
-    says.
+    Each anchor yields its best class or, with `suppress_by_class`, each class above the threshold, and
+    suppression is then applied within each class. Where the head predicts the quality of boxes, it is raised
+    to `quality_power` and multiplies the score.
     """
     preset = grid.preset
     of_classes = torch.sigmoid(predictions.scores[batch])
@@ -61,12 +60,11 @@ def vote(
     kept: npt.NDArray[np.int64],
     min_iou: float,
 ) -> npt.NDArray[np.float64]:
-    """The kept boxes (K, 7), each replaced by the weighted mean of the boxes (M, 7) that nearly agree with
-    it.
+    """The kept boxes (K, 7), each replaced by the weighted mean of the boxes (M, 7) that overlap it.
 
-    Those are the boxes of its class that overlap it by more than `min_iou` in the bird's eye, weighted
-    by their squared scores; headings count modulo pi, about that of the kept box. (Box voting: Gidaris
-    and Komodakis 2015, section 5.)
+    These are the boxes of its class that overlap it by more than `min_iou` in bird's-eye view, weighted by
+    their squared scores; headings are averaged modulo pi, relative to the kept box's heading. (Box voting:
+    Gidaris and Komodakis 2015, section 5.)
     """
     agree = (iou_bev(boxes[kept], boxes) > min_iou) & (labels[kept][:, None] == labels)
     agree[np.arange(len(kept)), kept] = True
@@ -87,10 +85,10 @@ def _with_direction(boxes: Tensor, directions: Tensor, offset_rad: float) -> Ten
 def suppress(
     boxes: npt.NDArray[np.float64], groups: npt.NDArray[np.int64], iou: float, limit: int
 ) -> npt.NDArray[np.int64]:
-    """Indices of the boxes (K, 7), best first, that overlap no better kept box of their group (K,) by more
-    than `iou`.
+    """Non-maximum suppression: indices of the kept boxes of K boxes (K, 7) sorted best first.
 
-    At most the first `limit` of them.
+    A box is kept unless it overlaps a better kept box of its group (K,) by more than `iou`; at most `limit`
+    boxes are kept.
     """
     kept: list[int] = []
     # Few boxes survive, so only their overlaps are computed.

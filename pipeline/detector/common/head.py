@@ -1,4 +1,4 @@
-"""The anchor head: scores, box codes, driving direction and, where the preset asks for it, the quality of
+"""The anchor head: scores, box codes, driving direction and, if the preset sets it, the quality of
 the box at every anchor (OpenPCDet's AnchorHeadSingle; the quality: Wu et al. 2020)."""
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ class Predictions:
 
 
 class Head(nn.Module):
-    """A 1 x 1 convolution for each kind of prediction."""
+    """A 1 x 1 convolution for each type of prediction."""
 
     def __init__(self, preset: AnchorPreset, c_in: int) -> None:
         super().__init__()
         self.anchors = len(preset.anchors) * len(preset.yaws_rad)
-        kinds = [len(preset.classes), 7, 2] + [1] * (preset.quality_power is not None)
-        self.widths = [self.anchors * n for n in kinds]
+        values = [len(preset.classes), 7, 2] + [1] * (preset.quality_power is not None)
+        self.widths = [self.anchors * n for n in values]
         # One convolution for all: its output is split.
         self.convolution = nn.Conv2d(c_in, sum(self.widths), 1)
         scores, codes, *_ = self.convolution.bias.data.split(self.widths)  # type: ignore[union-attr]
         scores.fill_(-log((1 - PRIOR) / PRIOR))
         codes.zero_()
-        # Small weights let the prior rule at first: large logits would swamp the first steps.
+        # With small weights the prior dominates at first: large logits would dominate the first steps.
         first, second, *_ = torch.split(self.convolution.weight.data, self.widths)
         nn.init.normal_(first, std=0.01)
         nn.init.normal_(second, std=0.001)

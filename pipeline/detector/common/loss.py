@@ -62,11 +62,11 @@ def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGri
     count = max(1, len(target.positive))
     score = focal_loss(predictions.scores[b], target) / count
     anchors = grid.boxes(target.positive)
-    wanted = encode_boxes(target.boxes, anchors)
+    target_code = encode_boxes(target.boxes, anchors)
     code = predictions.codes[b][target.positive]
     # The heading loss uses sin(difference), so that a box turned by pi has no loss here.
-    turn = torch.sin(code[:, 6] - wanted[:, 6])
-    difference = torch.cat([code[:, :6] - wanted[:, :6], turn[:, None]], dim=1)
+    turn = torch.sin(code[:, 6] - target_code[:, 6])
+    difference = torch.cat([code[:, :6] - target_code[:, :6], turn[:, None]], dim=1)
     box = F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="sum", beta=BETA) / count
     bins = direction_bin(target.boxes[:, 6], grid.preset.direction_offset_rad)
     directions = predictions.directions[b][target.positive]
@@ -103,6 +103,6 @@ def focal_loss(scores: Tensor, target: Targets) -> Tensor:
 
 
 def direction_bin(yaw: Tensor, offset_rad: float) -> Tensor:
-    """Which half of the circle, counted from `offset_rad`, a heading lies in: 0 or 1."""
+    """The half of the circle, counted from `offset_rad`, that contains a heading: 0 or 1."""
     turned = torch.remainder(yaw - offset_rad, 2 * pi)
     return (turned >= pi).long()

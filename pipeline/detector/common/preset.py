@@ -13,8 +13,8 @@ from advpipe.pipeline.geometry.boxes import CLASSES
 class Preset:
     """The shape of a network; a checkpoint names its family and its preset.
 
-    family: its registered name. range_m: the network's input range. voxel_size_m: x, y, z of
-    its voxels. classes: what it detects, each one of `geometry.boxes.CLASSES`.
+    family: its registered name. range_m: the network's input range. voxel_size_m: size of a voxel along x, y
+    and z. classes: the classes that it detects, each one of `geometry.boxes.CLASSES`.
     """
 
     family: ClassVar[str]
@@ -27,7 +27,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class Anchor:
-    """One box size that the head starts from, at every cell of the bird's-eye map and all yaws.
+    """One anchor size, which the head uses at every cell of the bird's-eye map and at all yaws.
 
     An anchor learns from a labelled box of its own class when their bird's-eye IoU reaches
     `positive_iou`, from the background when every IoU stays under `negative_iou`.
@@ -71,8 +71,8 @@ class AnchorPreset(Preset):
 
 @dataclass(frozen=True)
 class BevBlock:
-    """One block of the bird's-eye backbone: its first layer strides, `layers` more keep the map's size; its
-    output is brought back by `up_stride` with `up_channels`."""
+    """One block of the bird's-eye backbone: its first layer strides, and `layers` more keep the map's size;
+    its output is upsampled by `up_stride` to `up_channels`."""
 
     layers: int
     stride: int

@@ -25,7 +25,7 @@ LAYERS_3D = {
     **{f"stage{stage}.{layer}": f"conv{stage}.{layer}" for stage in (2, 3, 4) for layer in range(3)},
     "fold": "conv_out",
 }
-"""Our sparse layers and OpenPCDet's, where `.0` is the convolution and `.1` its batch norm."""
+"""OpenPCDet's names of advpipe's sparse layers; in them, `.0` is the convolution and `.1` its batch norm."""
 
 MOST_VALUES = 20_000_000
 """Limit on all weights: four times the true number, so that weights of a wrong shape can be reported."""
@@ -48,7 +48,7 @@ def import_openpcdet(path: Path) -> tuple[SecondNet, dict[str, str]]:
         parts = {their: theirs[their] for their in their_names(name)}
         sparse = name.startswith("backbone3d") and value.ndim == 3
         converted[name] = (_sparse_weight if sparse else _joined)(path, parts, value)
-    # The bird's-eye map stacks the z layers of a column: OpenPCDet's by channel, ours by layer.
+    # The bird's-eye map stacks the z layers of a column: in OpenPCDet by channel, in advpipe by layer.
     first, channels = "backbone2d.blocks.0.0.weight", KITTI.channels_3d[-1]
     rows, columns, *kernel = converted[first].shape
     layers = columns // channels
@@ -59,7 +59,7 @@ def import_openpcdet(path: Path) -> tuple[SecondNet, dict[str, str]]:
 
 
 def their_names(name: str) -> tuple[str, ...]:
-    """OpenPCDet's names of a weight of ours; of the head's joint convolution, the three that it joins."""
+    """OpenPCDet's names of one of advpipe's weights; the head's convolution joins three of OpenPCDet's."""
     part, _, rest = name.partition(".")
     layer, _, leaf = rest.rpartition(".")
     if part == "head":
@@ -67,8 +67,8 @@ def their_names(name: str) -> tuple[str, ...]:
     if part == "backbone3d":
         place = int(layer.endswith(".norm"))
         return (f"backbone_3d.{LAYERS_3D[layer.removesuffix('.norm')]}.{place}.{leaf}",)
-    kind, block, place_2d = layer.split(".")
-    if kind == "ups":
+    list_name, block, place_2d = layer.split(".")
+    if list_name == "ups":
         return (f"backbone_2d.deblocks.{block}.{place_2d}.{leaf}",)
     # Their blocks begin with a layer for the padding.
     return (f"backbone_2d.blocks.{block}.{int(place_2d) + 1}.{leaf}",)

@@ -16,9 +16,9 @@ class SecondPreset(AnchorPreset):
     backbone. input_offset, input_scale: the mean VFE's x, y, z, intensity enter the network as
     (value - offset) * scale.
 
-    The rest is there for `kitti`, whose weights others have trained. layers_above: empty layers of voxels
-    above the range. points_per_voxel: only the first points of a voxel count, None: all. max_voxels,
-    max_voxels_training: only the first voxels of a cloud count.
+    The other settings serve `kitti`, whose weights were trained with OpenPCDet. layers_above: empty layers of
+    voxels above the range. points_per_voxel: only the first points of a voxel are used; None: all.
+    max_voxels, max_voxels_training: only the first voxels of a cloud are used.
     """
 
     family = "second"
@@ -45,7 +45,7 @@ class SecondPreset(AnchorPreset):
 
 SMALL = SecondPreset(
     name="small",
-    # The ground, 1.8 m below, lies in the middle of a layer of voxels; the roofs of trucks are in.
+    # The ground, 1.8 m below, is in the middle of a layer of voxels, and the roofs of trucks are in range.
     range_m=Range(-51.2, -51.2, -3.1, 51.2, 51.2, 2.3),
     voxel_size_m=(0.1, 0.1, 0.2),
     channels_3d=(16, 16, 16, 32, 64, 64),
@@ -58,7 +58,7 @@ SMALL = SecondPreset(
         Anchor("cyclist", 1.9, 0.75, 1.7, -1.8, 0.45, 0.3),
         Anchor("pedestrian", 0.8, 0.7, 1.75, -1.8, 0.4, 0.25),
     ),
-    # Coordinates near one train faster; height counted from the bottom also says "occupied".
+    # Coordinates of magnitude one train faster; height counted from the bottom also encodes "occupied".
     input_offset=(0.0, 0.0, -3.1, 0.0),
     input_scale=(1 / 51.2, 1 / 51.2, 0.4, 1.0),
     vote_iou=0.5,
@@ -107,9 +107,9 @@ KITTI = SecondPreset(
 )
 """OpenPCDet's `second.yaml` for KITTI, number by number: 5,325,576 parameters, for imported weights.
 
-It looks ahead only. Its LiDAR stands 1.73 m above the road and coordinates enter as they are measured:
-shift the z of a cloud from another height first. Points outside the camera's view were cut away in its
-training, and intensity is KITTI's reflectance in [0, 1].
+It covers only the front. Its LiDAR is 1.73 m above the road, and coordinates are not normalised: shift the z
+of a cloud from another height first. In training, points outside the camera's view were removed, and
+intensity is KITTI's reflectance in [0, 1].
 """
 
 PRESETS = {"small": SMALL, "360": ALL_AROUND, "kitti": KITTI}

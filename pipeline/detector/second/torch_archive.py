@@ -1,7 +1,7 @@
-"""Untrusted files of torch.save, checked before torch unpacks them.
+"""Checks untrusted files of torch.save before torch unpacks them.
 
-torch refuses what could run code, but limits neither the unpacked size of an archive nor the objects in a
-pickle.
+torch refuses objects that could run code, but limits neither the unpacked size of an archive nor the number
+of objects in a pickle.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ as consecutive pickles, and then the numbers."""
 
 
 def check_archive(path: Path) -> None:
-    """Raise AdvpipeError for a file that unpacks to more than its size, or whose pickle names other than
-    tensors."""
+    """Raise AdvpipeError for a file that unpacks to more than its size, or whose pickle names anything other
+    than tensors."""
     size_bytes = path.stat().st_size
     if size_bytes > MOST_BYTES:
         raise AdvpipeError(f"{path} has {size_bytes} bytes; OpenPCDet's SECOND has at most {MOST_BYTES}")

@@ -33,12 +33,12 @@ def voxelise(
 ) -> Voxels:
     """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
 
-    Points out of range or not finite are ignored. Every point of a voxel counts, so the order of the
-    points does not matter and each has a gradient; except where the preset limits the points of a voxel
-    or, in `training` to another number, the voxels of a cloud: the first ones then count, as in OpenPCDet.
+    Points that are out of range or not finite are ignored. All points of a voxel are used, so the order of
+    the points does not matter and each has a gradient. Where the preset limits the points of a voxel or the
+    voxels of a cloud (with another number in `training`), the first ones are used, as in OpenPCDet.
 
-    probes: how many of each cloud's last points are probe points: a voxel that also holds a point is as
-    if they were not there, and a voxel without a point gets its features from them.
+    probes: how many of each cloud's last points are probe points. They have no effect in a voxel that also
+    holds a point; a voxel without a point gets its features from them.
     """
     points = torch.cat(list(clouds))
     batch = torch.cat([torch.full((len(c),), b, device=c.device) for b, c in enumerate(clouds)])

@@ -1,1 +1,1 @@
-"""The ROS 2 package `advpipe_msgs`: build it with colcon where live nodes read its topics."""
+"""The ROS 2 package `advpipe_msgs`; build it with colcon for live nodes that subscribe to its topics."""

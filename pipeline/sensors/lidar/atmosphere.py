@@ -25,28 +25,28 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
 ASSUMED_REFLECTIVITY = 0.9
-"""`range_reflectivity` in bad weather of a sensor without one: LISA assumes a white target."""
+"""The `range_reflectivity` assumed in bad weather for a sensor without one; LISA assumes a white target."""
 
 FAINTEST = 1 / 255
-"""Signal below which an echo from the air is lost in noise: one step of an 8-bit reflectivity."""
+"""Smallest signal of an echo from the air that is detected: one step of an 8-bit reflectivity."""
 
 NEAREST_M, FULL_VIEW_M = 0.9, 1.0
-"""The receiver sees nothing of the beam before the first range, all of it after the second (R1 and R2
-of Hahner et al.)."""
+"""The receiver's field of view covers none of the beam before the first range, and all of it beyond the
+second (R1 and R2 of Hahner et al.)."""
 
 DIVERGENCE_RAD = 3e-3
-"""Full angle of the beam, as LISA has it; VLP-16 and OS1 state 0.18 degrees, the same."""
+"""Full angle of the beam in LISA; the data sheets of VLP-16 and OS1 state the same, 0.18 degrees."""
 
 PULSE_M = 299_792_458.0 * 5e-9
-"""Length in air of a pulse whose width at half power is 5 ns, as HDL-64E states it."""
+"""Length in air of a pulse with a width of 5 ns at half power, as stated for HDL-64E."""
 
 
 @dataclass(frozen=True)
 class Echoes:
-    """The strongest echo that the air sends back along each of K rays.
+    """The strongest echo of the air along each of K rays.
 
-    rays: (K,) int64, each at most once. range_m: (K,) float32. signal: (K,) float32, that of a diffuse
-    target of this reflectivity in clear air.
+    rays: (K,) int64, each at most once. range_m: (K,) float32. signal: (K,) float32, as the reflectivity of a
+    diffuse target in clear air with the same return.
     """
 
     rays: npt.NDArray[np.int64]
@@ -55,7 +55,7 @@ class Echoes:
 
 
 class Atmosphere(Protocol):
-    """The air between a LiDAR and the world."""
+    """The air between a LiDAR and the world. extinction_per_m: the extinction coefficient alpha."""
 
     extinction_per_m: float
 
@@ -65,7 +65,7 @@ class Atmosphere(Protocol):
 
 
 def atmosphere_of(weather: Weather, sensor: LidarSensor) -> Atmosphere | None:
-    """The air for one sensor; None where it is clear."""
+    """The air for one sensor; None for clear weather."""
     if weather.kind == "clear":
         return None
     if weather.kind == "fog":
@@ -76,8 +76,8 @@ def atmosphere_of(weather: Weather, sensor: LidarSensor) -> Atmosphere | None:
 
 def transmission(air: Atmosphere, range_m: Float32) -> Float32:
     """Two-way transmission (N,): exp(-2 alpha R), Beer and Lambert."""
-    share: Float32 = np.exp(range_m * np.float32(-2 * air.extinction_per_m))
-    return share
+    transmitted: Float32 = np.exp(range_m * np.float32(-2 * air.extinction_per_m))
+    return transmitted
 
 
 def needed_signal(sensor: LidarSensor, range_m: Float64) -> Float64:
@@ -87,20 +87,19 @@ def needed_signal(sensor: LidarSensor, range_m: Float64) -> Float64:
 
 
 def rain(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
-    """Marshall and Palmer's drops (1948): N(D) = 8000 exp(-4.1 R^-0.21 D) per m^3 and mm.
+    """Rain drops by Marshall and Palmer (1948): N(D) = 8000 exp(-4.1 R^-0.21 D) per m^3 and mm.
 
-    A drop reflects like a mirror: Fresnel reflection at normal incidence into water, ((n - 1)/(n + 1))^2 =
-    0.02.
+    A drop reflects specularly, by Fresnel reflection at normal incidence: ((n - 1)/(n + 1))^2 = 0.02.
     """
     slope_per_mm = 4.1 * rate_mm_per_h**-0.21
     return Particles(8000.0, slope_per_mm, 0.02, _extinction_per_m(8000.0, slope_per_mm), sensor)
 
 
 def snow(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
-    """Gunn and Marshall's flakes (1958): N(D) = 3800 R^-0.87 exp(-2.55 R^-0.48 D), D and R melted.
+    """Snow flakes by Gunn and Marshall (1958): N(D) = 3800 R^-0.87 exp(-2.55 R^-0.48 D), D and R melted.
 
     A flake scatters like a surface of reflectivity 0.9 (Hahner et al., LiDAR Snowfall Simulation, CVPR 2022).
-    It is as dense as a tenth of water, so that it shades 10^(2/3) times the area of the drop it melts to.
+    Its density is a tenth of water's, so it covers 10^(2/3) times the area of the drop that it melts to.
     """
     density = 3.8e3 * rate_mm_per_h**-0.87
     slope_per_mm = 2.55 * rate_mm_per_h**-0.48
@@ -115,11 +114,11 @@ def _extinction_per_m(density: float, slope_per_mm: float) -> float:
 
 
 class Particles:
-    """Drops or flakes whose diameters fall off exponentially: N(D) = density exp(-slope D).
+    """Drops or flakes with exponentially distributed diameters: N(D) = density exp(-slope D).
 
-    LISA draws every particle in a beam and keeps the strongest. Most are far too faint to be detected;
-    here only detectable ones are drawn, which gives the same strongest ones: particles in disjoint
-    volumes are independent, and an exponential law begins anew at any diameter.
+    LISA draws every particle in a beam and keeps the strongest echo. Most echoes are far too weak to be
+    detected. Here only detectable ones are drawn, which gives the same strongest echoes: particles in
+    disjoint volumes are independent, and the exponential distribution is memoryless.
     """
 
     def __init__(
@@ -133,18 +132,18 @@ class Particles:
         self.extinction_per_m = extinction_per_m
         self._slope_per_mm, self._reflectivity = slope_per_mm, reflectivity
         range_m = np.linspace(NEAREST_M, sensor.range, 4096)
-        # A particle reflects the share of the beam's area that it fills, at most all of it.
+        # A particle reflects the share of the beam's cross-section that it fills, at most the whole beam.
         share = needed_signal(sensor, range_m) * np.exp(2 * extinction_per_m * range_m) / reflectivity
         least_mm = 1e3 * DIVERGENCE_RAD * range_m * np.sqrt(share)
         beam_m2 = np.pi / 4 * (DIVERGENCE_RAD * range_m) ** 2
         count_per_m3 = density_per_m3_mm / slope_per_mm * np.exp(-slope_per_mm * least_mm)
         per_m = np.where(share <= 1, beam_m2 * count_per_m3, 0.0)
-        self._expected, self._quantiles = _cumulated(range_m, per_m, range_m, least_mm)
+        self._expected, self._quantiles = _integral_and_quantiles(range_m, per_m, range_m, least_mm)
 
     def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
         count = int(rng.poisson(rays * self._expected))
         hit = rng.integers(0, rays, count)
-        range_m, diameter_mm = _drawn(self._quantiles, rng.random(count))
+        range_m, diameter_mm = _interpolated(self._quantiles, rng.random(count))
         diameter_mm += rng.standard_exponential(count) / self._slope_per_mm
         filled = np.minimum(diameter_mm / (1e3 * DIVERGENCE_RAD * range_m), 1) ** 2
         signal = self._reflectivity * filled * np.exp(-2 * self.extinction_per_m * range_m)
@@ -156,15 +155,15 @@ class Particles:
 
 
 class Fog:
-    """Droplets too small and too many to be resolved: a soft target (Hahner et al., equations 3 to 10).
+    """Fog: many droplets that are not resolved, a soft target (Hahner et al., equations 3 to 10).
 
     alpha = ln 20 / MOR and beta = 0.046 / MOR. A sin^2 pulse of length L sends back
     P(r) = pi beta integral of sin^2(pi x / L) xi(r') exp(-2 alpha r') / r'^2 dx with r' = r + L/2 - x,
     relative to a white diffuse target, whose differential reflectivity is 1/pi.
 
-    Hahner et al. put the echo where P is greatest and scatter it by a uniform noise. Fog is patchy: here
-    the strength of each ray's echo is exponentially distributed around P, and its range is drawn with
-    P for its density.
+    Hahner et al. place the echo at the maximum of P and add uniform noise. Here, since fog is patchy, the
+    strength of each ray's echo is exponentially distributed with mean P, and its range is drawn from the
+    density P.
     """
 
     def __init__(self, visibility_m: float, sensor: LidarSensor) -> None:
@@ -178,34 +177,34 @@ class Fog:
         power[range_m < NEAREST_M] = 0.0
         signal = power * range_m**2
         share = signal / needed_signal(sensor, range_m)
-        self._greatest_share = np.float32(share.max())
-        _, self._quantiles = _cumulated(range_m, power, range_m, signal, share)
+        self._largest_share = np.float32(share.max())
+        _, self._quantiles = _integral_and_quantiles(range_m, power, range_m, signal, share)
 
     def echoes(self, rays: int, rng: np.random.Generator) -> Echoes:
         patch = rng.standard_exponential(rays, dtype=np.float32)
-        chance = rng.random(rays, dtype=np.float32)
-        able = np.flatnonzero(patch * self._greatest_share >= 1)
-        range_m, signal, share = _drawn(self._quantiles, chance[able])
-        noticed = np.flatnonzero(patch[able] * share >= 1)
-        able, signal = able[noticed], patch[able[noticed]] * signal[noticed]
-        return Echoes(able, range_m[noticed].astype(np.float32), signal.astype(np.float32))
+        uniform = rng.random(rays, dtype=np.float32)
+        candidates = np.flatnonzero(patch * self._largest_share >= 1)
+        range_m, signal, share = _interpolated(self._quantiles, uniform[candidates])
+        detected = np.flatnonzero(patch[candidates] * share >= 1)
+        hit, signal = candidates[detected], patch[candidates[detected]] * signal[detected]
+        return Echoes(hit, range_m[detected].astype(np.float32), signal.astype(np.float32))
 
 
 _QUANTILES = 4096
 
 
-def _cumulated(range_m: Float64, per_m: Float64, *columns: Float64) -> tuple[float, Float64]:
-    """The integral of a density over the range, and columns (C, Q + 1) at evenly spaced shares of it."""
+def _integral_and_quantiles(range_m: Float64, per_m: Float64, *columns: Float64) -> tuple[float, Float64]:
+    """The integral of a density over the range, and columns (C, Q + 1) at evenly spaced quantiles of it."""
     parts = (per_m[1:] + per_m[:-1]) / 2 * np.diff(range_m)
     total = np.concatenate([[0.0], np.cumsum(parts)])
     at_m = np.interp(np.linspace(0, total[-1], _QUANTILES + 1), total, range_m)
     return float(total[-1]), np.array([np.interp(at_m, range_m, column) for column in columns])
 
 
-def _drawn(quantiles: Float64, chance: npt.NDArray[np.floating]) -> Float64:
-    """The columns (C, N) at the shares `chance` (N,) in [0, 1)."""
-    place = chance * np.float64(_QUANTILES)
-    below = np.minimum(place.astype(np.int64), _QUANTILES - 1)
-    part = place - below
+def _interpolated(quantiles: Float64, uniform: npt.NDArray[np.floating]) -> Float64:
+    """The columns (C, N) at the quantiles `uniform` (N,) in [0, 1)."""
+    position = uniform * np.float64(_QUANTILES)
+    below = np.minimum(position.astype(np.int64), _QUANTILES - 1)
+    part = position - below
     columns: Float64 = quantiles[:, below] * (1 - part) + quantiles[:, below + 1] * part
     return columns

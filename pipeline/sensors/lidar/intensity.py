@@ -24,31 +24,31 @@ RETRO_SIGNAL = np.float32(220.0)
 Lambertian surface 1/pi: 220 times as much. It saturates the receiver, so its intensity is 1."""
 
 RETROREFLECTIVE_LIMIT_RAD = np.deg2rad(40.0)
-"""Sheeting returns strongly up to an entrance angle of some 40 degrees (EN 12899-1 asks for 5 to 40)."""
+"""Sheeting is retroreflective up to an entrance angle of some 40 degrees (EN 12899-1 requires 5 to 40)."""
 
 DETECTED_AT_RANGE = 0.9
-"""Share of the pulses that come back from a target of `range_reflectivity` at `range`: the probability
-of detection for which makers state the range."""
+"""Probability of detecting a target of `range_reflectivity` at `range`, for which manufacturers state the
+range."""
 
 
 def return_signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> Float32:
-    """Signal (len(seen),) float32 of the rays `seen`, as that of a diffuse target: 1 is a white one, facing.
+    """Signal (len(seen),) float32 of the rays `seen`; 1 is a white diffuse target at normal incidence.
 
-    Reflectivity x incidence (Oren-Nayar) x transmission of panes on the way x exp(-a d), as in CARLA.
+    It is reflectivity x incidence (Oren-Nayar) x transmission of window panes x exp(-a d), as in CARLA.
     There is no other dependence on range: sensors report calibrated reflectivity, not power.
     """
     cos = hits.cos_incidence[seen]
-    answer = cos + GRAZING_SHARE * (1 - cos * cos)
-    answer *= hits.reflectivity[seen]
-    mirrors = hits.retroreflective[seen] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
-    answer[mirrors] = RETRO_SIGNAL
-    answer *= hits.transmission[seen]
-    answer *= np.exp(hits.range_m[seen] * np.float32(-attenuation_per_m))
-    return answer
+    signal = cos + GRAZING_SHARE * (1 - cos * cos)
+    signal *= hits.reflectivity[seen]
+    is_retroreflected = hits.retroreflective[seen] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
+    signal[is_retroreflected] = RETRO_SIGNAL
+    signal *= hits.transmission[seen]
+    signal *= np.exp(hits.range_m[seen] * np.float32(-attenuation_per_m))
+    return signal
 
 
 def noise_floor(sensor: LidarSensor, range_m: Float32, reflectivity: float | None = None) -> Float32:
-    """Signal (N,) that is detected nine times in ten at each range: it grows with the range squared."""
+    """Signal (N,) that is detected with probability 0.9 at each range (N,): it grows with range squared."""
     at_range = sensor.range_reflectivity if reflectivity is None else reflectivity
     floor: Float32 = np.square(range_m * np.float32(np.sqrt(at_range) / sensor.range))
     return floor
@@ -57,7 +57,7 @@ def noise_floor(sensor: LidarSensor, range_m: Float32, reflectivity: float | Non
 def detected_share(margin: Float32) -> Float32:
     """Probability (N,) of detection of a signal that is `margin` (N,) times the noise floor.
 
-    1 - (1 - 0.9)^(margin^2): a smooth step through the one point that makers state.
+    1 - (1 - 0.9)^(margin^2): a smooth step through the one point that manufacturers state.
     """
     lost: Float32 = np.exp(np.square(np.minimum(margin, 1e3)) * np.float32(np.log(1 - DETECTED_AT_RANGE)))
     return 1 - lost

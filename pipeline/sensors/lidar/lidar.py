@@ -26,21 +26,21 @@ Float32 = npt.NDArray[np.float32]
 MIN_RANGE_M = 0.9
 
 CLEAR_MARGIN = np.float32(2.0)
-"""For a sensor that detects everything in range, every surface in clear air is at least this many times as
-strong as needed; bad weather uses up this margin."""
+"""For a sensor that detects everything in range, the return of every surface in clear air is at least this
+many times the noise floor; bad weather reduces this margin."""
 
 WEAK_NOISE_M = 0.09
 """The range error of a return as strong as the noise is this over sqrt(2) (LISA, Kilic et al. 2021)."""
 
 
 class Lidar:
-    """One sensor, in one weather.
+    """One sensor in given weather.
 
-    Without motion distortion all rays of a turn leave at the cloud's stamp and `time` is 0. With it, the
-    rays leave column by column during the turn that ends at the stamp, each from where the vehicle is
-    then; points are in the LiDAR's frame at their own instant, like the output of a driver, and `time`
-    is that instant after the stamp: negative, up to 0, as in velodyne's driver. The ground truth is at
-    the stamp.
+    Without motion distortion, all rays of a turn leave at the cloud's stamp, and `time` is 0. With it, the
+    rays leave column by column during the turn that ends at the stamp, each from the vehicle's pose at that
+    instant. Points are then in the LiDAR's frame at their own instant, as in the output of a driver, and
+    `time` is that instant relative to the stamp: negative or 0, as in velodyne's driver. The ground truth is
+    valid at the stamp.
     """
 
     def __init__(
@@ -60,10 +60,10 @@ class Lidar:
         return frame % self._turn_steps == 0
 
     def rays(self, map_SE3_base: Float64, base_twist: Float64 | None = None) -> Float32:
-        """Rays (R, 6) of one turn in the map's frame: origin, unit direction; column by column.
+        """Rays (R, 6) of one turn in the map frame: origin, unit direction; column by column.
 
-        `base_twist` (6,), the vehicle's linear velocity and turn rate in base_link's own axes, counts
-        with motion distortion only; it is taken as constant over the turn.
+        `base_twist` (6,), the vehicle's linear velocity and turn rate in the axes of base_link, is used only
+        with motion distortion; it is assumed to be constant over the turn.
         """
         twist = base_twist if self._sensor.motion_distortion else None
         return self._sweep.rays(map_SE3_base, self.base_SE3_lidar, twist)
@@ -73,29 +73,29 @@ class Lidar:
     ) -> Cloud:
         """The cloud of one turn: intensity in [0, 1], range noise, lost points, and echoes from the air.
 
-        `velocities_mps` (K, 3), of the road users that `hits.objects` names and in the LiDAR's
-        axes at the stamp, is used with motion distortion only: the rays hit those users where they are
-        at the stamp, and each point on one is moved by velocity times time. That is exact for the position of
-        its surface, but moves the point off its ray.
+        `velocities_mps` (K, 3): of the road users to which `hits.objects` refers, in the LiDAR's axes at the
+        stamp; used only with motion distortion. The rays hit road users at their positions at the stamp, and
+        each point on one is moved by velocity times time. That is exact for the position of its surface, but
+        moves the point off its ray.
         """
         noise = rng.standard_normal(len(hits.range_m), dtype=np.float32)
-        chance = rng.random(len(hits.range_m), dtype=np.float32)
+        uniform = rng.random(len(hits.range_m), dtype=np.float32)
         rays = np.flatnonzero((hits.range_m >= MIN_RANGE_M) & (hits.range_m <= self._sensor.range))
         range_m = hits.range_m[rays]
         clear = return_signal(hits, rays, self._sensor.atmosphere_attenuation_rate)
-        answer, share, stddev_m = self._received(clear, range_m)
-        share *= kept_share(self._sensor, np.minimum(answer, 1))
-        kept = np.flatnonzero(chance[rays] < share)
+        signal, share, stddev_m = self._received(clear, range_m)
+        share *= kept_share(self._sensor, np.minimum(signal, 1))
+        kept = np.flatnonzero(uniform[rays] < share)
         rays, range_m = rays[kept], range_m[kept] + noise[rays[kept]] * stddev_m[kept]
-        points = _Points(rays, range_m, answer[kept], hits.objects[rays])
+        points = _Points(rays, range_m, signal[kept], hits.objects[rays])
         if self._air is not None:
             points = _with_stronger_echoes(points, self._air.echoes(len(hits.range_m), rng), hits.range_m)
         return self._cloud(points, velocities_mps)
 
     def undistorted(self, cloud: Cloud, base_twist: Float64) -> npt.NDArray[np.floating[Any]]:
-        """Points (N, 3) of a cloud in the LiDAR's frame at its stamp: the vehicle's own motion undone.
+        """Points (N, 3) of a cloud in the LiDAR's frame at its stamp: compensated for the vehicle's motion.
 
-        Moving objects remain where they were at each point's time.
+        Points on moving objects remain at their positions at each point's time.
         """
         if not self._sensor.motion_distortion:
             return xyz(cloud)
@@ -105,18 +105,18 @@ class Lidar:
         """The received part of the clear-air signal, the share that is detected, and the range error."""
         sensor, air = self._sensor, self._air
         stddev_m = np.full(len(clear), sensor.noise_stddev, np.float32)
-        named = sensor.range_reflectivity > 0
-        if air is None and not named:
+        has_reflectivity = sensor.range_reflectivity > 0
+        if air is None and not has_reflectivity:
             return clear, np.ones_like(clear), stddev_m
-        margin = clear / noise_floor(sensor, range_m, None if named else ASSUMED_REFLECTIVITY)
+        margin = clear / noise_floor(sensor, range_m, None if has_reflectivity else ASSUMED_REFLECTIVITY)
         if air is None:
             return clear, detected_share(margin), stddev_m
-        if not named:
+        if not has_reflectivity:
             np.maximum(margin, CLEAR_MARGIN, out=margin)
-        left = transmission(air, range_m)
-        worse = (1 / np.maximum(left, np.float32(1e-20)) - 1) / margin
-        stddev_m = np.sqrt(np.square(stddev_m) + np.float32(WEAK_NOISE_M**2 / 2) * worse)
-        return clear * left, detected_share(margin * left), stddev_m
+        transmitted = transmission(air, range_m)
+        excess = (1 / np.maximum(transmitted, np.float32(1e-20)) - 1) / margin
+        stddev_m = np.sqrt(np.square(stddev_m) + np.float32(WEAK_NOISE_M**2 / 2) * excess)
+        return clear * transmitted, detected_share(margin * transmitted), stddev_m
 
     def _cloud(self, points: _Points, velocities_mps: npt.ArrayLike | None) -> Cloud:
         sweep, grid_m, rays = self._sweep, np.float32(self._sensor.coordinate_grid_m), points.rays
@@ -132,12 +132,12 @@ class Lidar:
             by_user = np.asarray(velocities_mps, dtype=np.float32).reshape(-1, 3)
             moved_m = by_user[points.objects[moving]] * time_s[moving, None]
         for axis, name in enumerate("xyz"):
-            place_m = sweep.directions[axis][rays] * points.range_m
+            position_m = sweep.directions[axis][rays] * points.range_m
             if len(moving):
-                place_m[moving] += moved_m[:, axis]
+                position_m[moving] += moved_m[:, axis]
             if grid_m:
-                place_m = np.rint(place_m / grid_m) * grid_m  # exact: the grid is a power of two
-            cloud[name] = place_m
+                position_m = np.rint(position_m / grid_m) * grid_m  # exact: the grid is a power of two
+            cloud[name] = position_m
         return cloud
 
 
@@ -151,7 +151,7 @@ class _Points(NamedTuple):
 
 
 def _with_stronger_echoes(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
-    """The points, replaced by the air's echo where that is stronger: a sensor reports the strongest return.
+    """The points, each replaced by a stronger echo of the air: a sensor reports the strongest return.
 
     reach_m: (R,), the length of air along each of all rays.
     """

@@ -64,8 +64,8 @@ class Lidars(MountedSensor[LidarSensor]):
             steps = turn_s / step_s
             if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
                 raise ValueError(
-                    f"one turn of sensors.lidars.{name} takes {turn_s:g} s, which is no whole number of "
-                    f"simulation.step_s of {step_s:g} s; change rotation_frequency or step_s"
+                    f"one turn of sensors.lidars.{name} takes {turn_s:g} s, which is not a multiple of "
+                    f"simulation.step_s {step_s:g} s; change rotation_frequency or step_s"
                 )
         rays = sum(lidar.columns * lidar.channels for lidar in sections.values())
         if rays > MOST_RAYS:

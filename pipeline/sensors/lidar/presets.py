@@ -1,12 +1,11 @@
 """Well-known LiDARs: the keys that `preset` sets in a LidarSensor.
 
-All values are published by the makers; each entry names its source. Individual sensors differ,
-and these are nominal ones: the design table of the elevations, no offsets of azimuth between channels,
-single returns, 10 turns a second. `noise_stddev` is the published range accuracy, taken as one standard
-deviation. `range_reflectivity` is that of the target for which the maker states the range; where a
-Velodyne sheet states none, the 80 % of HDL-64E. Intensity is calibrated reflectivity, as these sensors
-report it: clear air takes exp(-0.0003 d), a visibility of 20 km, and weak returns are lost by their
-signal alone.
+All values are published by the manufacturers; each entry names its source. Individual sensors differ, and
+these are nominal values: the design table of the elevations, no azimuth offsets between channels, single
+returns, 10 turns a second. `noise_stddev` is the published range accuracy, taken as one standard deviation.
+`range_reflectivity` is the reflectivity for which the manufacturer states the range; where a Velodyne data
+sheet states none, it is HDL-64E's 80 %. Intensity is calibrated reflectivity, as these sensors report it:
+clear air attenuates it by exp(-0.0003 d), a visibility of 20 km, and returns are lost only by their signal.
 """
 
 from __future__ import annotations
@@ -92,4 +91,4 @@ LIDAR_PRESETS: dict[str, dict[str, Any]] = {
     # for every channel (its finer modes turn some of them twice as fine).
     "pandar128": _preset(_PANDAR_128, 2_304_000, 200.0, 0.1, 0.02),
 }  # fmt: skip
-"""Name to the keys of a LidarSensor that it sets."""
+"""The keys of a LidarSensor that each preset sets, by the preset's name."""

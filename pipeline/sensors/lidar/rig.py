@@ -19,10 +19,10 @@ from advpipe.pipeline.sensors.sensor import DriveSettings, Instant
 
 @dataclass(frozen=True)
 class LidarView:
-    """One step of a vehicle's LiDARs: `clouds` by LiDAR, and the ground truth of M road users in range.
+    """The measurements of a vehicle's LiDARs in one step, and the ground truth of M road users in range.
 
-    boxes: in the map's frame. lidar_points: (M,) int64, returns on each, of all clouds. occlusion: (M,) in
-    [0, 1], for the LiDAR with the best view.
+    clouds: by LiDAR. boxes: in the map frame. lidar_points: (M,) int64, number of points on each, in all
+    clouds. occlusion: (M,) in [0, 1], for the LiDAR with the best view.
     """
 
     clouds: Mapping[str, Cloud]
@@ -42,7 +42,7 @@ class LidarRig:
         self._range_m = max((section.range for section in sections.values()), default=0.0)
 
     def look(self, instant: Instant) -> LidarView | None:
-        """The view of the LiDARs whose turn ends at this instant; None where there is none."""
+        """The view of the LiDARs whose turn ends at this instant; None if there is no such LiDAR."""
         due = {name: lidar for name, lidar in self.lidars.items() if lidar.is_due(instant.frame)}
         if not due:
             return None

@@ -19,9 +19,9 @@ from advpipe.pipeline.core.section import (
     NotNegative,
     Number,
     Probability,
+    Reference,
     Switch,
     Whole,
-    Word,
 )
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
@@ -34,50 +34,62 @@ MAX_RAYS = 2_000_000
 
 
 class LidarSensor(MountedSection):
-    """A rotating LiDAR; names and meanings as in CARLA's sensor.lidar.ray_cast."""
+    """A rotating LiDAR; keys have the names and meanings of CARLA's sensor.lidar.ray_cast."""
 
-    preset: Word | None = Field(
+    preset: Reference | None = Field(
         None,
-        description=f"a known sensor ({', '.join(LIDAR_PRESETS)}); every key given beside it wins over it",
+        description=f"a known sensor ({', '.join(LIDAR_PRESETS)}); other keys given here override its values",
     )
-    x_m: MountingM = Field(0.0, description="mounting place before the vehicle's centre")
-    y_m: MountingM = Field(0.0, description="mounting place to the left of the vehicle's centre")
+    x_m: MountingM = Field(0.0, description="mounting position forward of the vehicle's centre")
+    y_m: MountingM = Field(0.0, description="mounting position to the left of the vehicle's centre")
     z_m: MountingHeightM = Field(1.8, description="mounting height above the road")
-    roll_deg: Number = Field(0.0, ge=-180, le=180)
-    pitch_deg: Number = Field(0.0, ge=-90, le=90, description="positive looks down")
-    yaw_deg: Number = Field(0.0, ge=-180, le=180)
-    channels: Whole = Field(64, ge=1, le=256)
-    range: RangeM = Field(100.0, description="metres")
+    roll_deg: Number = Field(
+        0.0, ge=-180, le=180, description="mounting roll; positive lowers the right side"
+    )
+    pitch_deg: Number = Field(0.0, ge=-90, le=90, description="mounting pitch; positive points down")
+    yaw_deg: Number = Field(0.0, ge=-180, le=180, description="mounting yaw; positive turns to the left")
+    channels: Whole = Field(64, ge=1, le=256, description="number of channels (rings)")
+    range: RangeM = Field(100.0, description="maximum range in metres")
     points_per_second: Whole = Field(
-        1_152_000, ge=1, le=20_000_000, description="rays of all channels together"
+        1_152_000, ge=1, le=20_000_000, description="rays per second of all channels together"
     )
     rotation_frequency: Number = Field(
-        10.0, ge=0.1, le=1000, description="turns a second; one turn is one cloud"
+        10.0, ge=0.1, le=1000, description="turns per second; each turn gives one cloud"
     )
-    upper_fov: Number = Field(2.0, ge=-90, le=90, description="degrees")
-    lower_fov: Number = Field(-24.8, ge=-90, le=90, description="degrees")
+    upper_fov: Number = Field(2.0, ge=-90, le=90, description="elevation of the highest channel in degrees")
+    lower_fov: Number = Field(-24.8, ge=-90, le=90, description="elevation of the lowest channel in degrees")
     vertical_angles_deg: tuple[Annotated[Number, Field(ge=-90, le=90)], ...] | None = Field(
         None,
         max_length=256,
-        description="elevation of each channel from the lowest up; even between the fovs if left out",
+        description="elevation of each channel, lowest first; by default evenly spaced from lower_fov to "
+        "upper_fov",
     )
     range_reflectivity: Probability = Field(
         0.0,
-        description="diffuse reflectivity that is seen nine times in ten at `range`, darker things less far; "
-        "0 sees everything in range, as CARLA does",
+        description="diffuse reflectivity that is detected with probability 0.9 at `range`; darker surfaces "
+        "have a shorter range; 0: everything in range is detected, as in CARLA",
     )
     atmosphere_attenuation_rate: AttenuationPerM = Field(
-        0.004, description="intensity lost, exp(-a d), per metre"
+        0.004, description="attenuation a of the intensity, exp(-a d), per metre"
     )
-    dropoff_general_rate: Probability = Field(0.02, description="share of points lost at random")
-    dropoff_intensity_limit: Probability = Field(0.3, description="no intensity-based loss above it")
-    dropoff_zero_intensity: Probability = Field(0.4, description="share of points lost at intensity zero")
-    noise_stddev: NotNegative = Field(0.02, le=1.0, description="of the range, in metres")
+    dropoff_general_rate: Probability = Field(0.02, description="share of points that are lost randomly")
+    dropoff_intensity_limit: Probability = Field(
+        0.3, description="intensity above which no points are lost by their intensity"
+    )
+    dropoff_zero_intensity: Probability = Field(
+        0.4, description="share of points that are lost at intensity 0"
+    )
+    noise_stddev: NotNegative = Field(
+        0.02, le=1.0, description="standard deviation of the range noise in metres"
+    )
     motion_distortion: Switch = Field(
-        False, description="rays leave one after the other, as the vehicle moves on"
+        False, description="columns of a turn leave one after another while the vehicle moves"
     )
     coordinate_grid_m: NotNegative = Field(
-        0.0, le=0.1, description="round coordinates to this binary grid, like 0.001953125; 0 keeps them"
+        0.0,
+        le=0.1,
+        description="grid to which coordinates are rounded, a power of two such as 0.001953125; 0: no "
+        "rounding",
     )
 
     @model_validator(mode="before")
@@ -92,7 +104,7 @@ class LidarSensor(MountedSection):
                 close = difflib.get_close_matches(shorten(name.lower()), LIDAR_PRESETS, n=1)
                 hint = f"did you mean {close[0]!r}? " if close else ""
                 raise ValueError(
-                    f"preset {short_repr(name)} is no known sensor; {hint}known: {', '.join(LIDAR_PRESETS)}"
+                    f"preset {short_repr(name)} is unknown; {hint}known: {', '.join(LIDAR_PRESETS)}"
                 )
             if any(key in given for key in _FAN):  # the preset's angles do not fit another fan
                 given.setdefault("vertical_angles_deg", None)
@@ -126,11 +138,12 @@ class LidarSensor(MountedSection):
         if self.coordinate_grid_m and math.frexp(self.coordinate_grid_m)[0] != 0.5:
             nearest = 2.0 ** round(math.log2(self.coordinate_grid_m))
             raise ValueError(
-                f"coordinate_grid_m {self.coordinate_grid_m:g} is no power of two; the nearest is {nearest}"
+                f"coordinate_grid_m {self.coordinate_grid_m:g} is not a power of two; the nearest is "
+                f"{nearest}"
             )
         return self
 
     @property
     def columns(self) -> int:
-        """Firings of each channel in one turn."""
+        """Number of columns (firings of each channel) in one turn."""
         return int(self.points_per_second / self.rotation_frequency / self.channels)

@@ -1,4 +1,4 @@
-"""The rays of one turn: their fan, and where the sensor is when each of them leaves."""
+"""The rays of one turn: their directions, and the sensor's pose when each ray leaves."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Float32 = npt.NDArray[np.float32]
 
 
 class LidarSweep:
-    """R = columns x channels rays, column by column; the channels of a column leave at once.
+    """R = columns x channels rays, column by column; the channels of a column leave simultaneously.
 
-    Seen from above the turn is clockwise, as most sensors', and starts and ends at the rear, so that the
-    seam between the first and the last column lies behind the vehicle.
+    Seen from above, the turn is clockwise, as with most sensors. It starts and ends at the rear, so that the
+    seam between the first and the last column is behind the vehicle.
 
     directions: (3, R) float32, unit vectors in the LiDAR's frame.
-    rings: (R,) uint16, 0 the lowest. times_s: (R,) float32, after the end of the turn, so never positive.
+    rings: (R,) uint16, 0 is the lowest. times_s: (R,) float32, relative to the end of the turn, at most 0.
     """
 
     def __init__(self, sensor: LidarSensor) -> None:
@@ -37,9 +37,10 @@ class LidarSweep:
         self.directions: Float32 = np.ascontiguousarray(directions.T)
 
     def rays(self, map_SE3_base: Float64, base_SE3_lidar: Float64, base_twist: Float64 | None) -> Float32:
-        """Rays (R, 6) in the map's frame: origin, unit direction.
+        """Rays (R, 6) in the map frame: origin, unit direction.
 
-        `base_twist`, where given, moves base_link during the turn, at whose end it is at `map_SE3_base`.
+        `map_SE3_base`: pose of base_link at the end of the turn. `base_twist`: its motion during the turn, or
+        None if it does not move.
         """
         if base_twist is None:
             poses = (map_SE3_base @ base_SE3_lidar)[None]
@@ -50,7 +51,7 @@ class LidarSweep:
     def undistorted(
         self, points_m: Float32, times_s: Float32, base_SE3_lidar: Float64, base_twist: Float64
     ) -> Float64:
-        """Points (N, 3), each in the LiDAR's frame at its own time (N,), in that frame at the turn's end."""
+        """Transform points (N, 3) from the LiDAR's frame at times (N,) to its frame at the turn's end."""
         lidar_SE3_then = invert(base_SE3_lidar) @ poses_at(base_twist, self._column_s) @ base_SE3_lidar
         column = np.rint((1 - times_s / min(self._column_s[0], -1e-9)) * (len(self._column_s) - 1))
         pose = lidar_SE3_then[column.astype(np.int64)]
@@ -63,7 +64,7 @@ class LidarSweep:
         level, up = level.astype(np.float32), rotation[:, :, 2].astype(np.float32)
         rays = np.empty((len(level), len(self._flat), 6), np.float32)
         rays[..., :3] = origin_m[:, None]
-        for axis in range(3):  # one axis after the other: rows of three numbers are slow
+        for axis in range(3):  # axis by axis: operations on rows of three numbers are slow
             np.multiply(level[:, axis, None], self._flat, out=rays[..., 3 + axis])
             rays[..., 3 + axis] += up[:, axis, None] * self._up
         return rays.reshape(-1, 6)
@@ -72,8 +73,8 @@ class LidarSweep:
 def poses_at(twist: Float64, times_s: Float64) -> Float64:
     """Poses (N, 4, 4) of a body at the times (N,), in the body's own frame at time zero.
 
-    twist: (6,) in the body's axes and constant: linear velocity in m/s, then turn rate in rad/s (the
-    order of geometry_msgs/Twist). The exponential map of SE(3), e.g. Lynch and Park, Modern Robotics,
+    twist: (6,), constant, in the body's axes: linear velocity in m/s, then turn rate in rad/s (the order of
+    geometry_msgs/Twist). This is the exponential map of SE(3), see Lynch and Park, Modern Robotics,
     proposition 3.25.
     """
     velocity, turn = np.asarray(twist, dtype=np.float64).reshape(2, 3)
@@ -93,7 +94,7 @@ def poses_at(twist: Float64, times_s: Float64) -> Float64:
 
 
 def mounting(sensor: LidarSensor) -> Float64:
-    """`base_SE3_lidar`: roll, then pitch (positive looks down), then yaw, about fixed axes (REP-103)."""
+    """`base_SE3_lidar` (4, 4): roll, then pitch (positive is down), then yaw, about fixed axes (REP-103)."""
     roll, pitch, yaw = np.deg2rad([sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg])
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])

@@ -45,7 +45,7 @@ class ReactiveDcc:
         self._state = _RELAXED
 
     def update(self, channel_load: float) -> None:
-        """Take the share of the last 0.1 s in which the channel was busy.
+        """Process the share of the last 0.1 s in which the channel was busy.
 
         Raises AdvpipeError outside of [0, 1].
         """

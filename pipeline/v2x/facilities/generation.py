@@ -147,7 +147,7 @@ class CamGenerator:
 def switched_on_ns(first_seen_ns: int, drive_begin_ns: int, seed: int, vehicle: str) -> int:
     """When a vehicle's station is switched on: when it appears, or within `START_NS` of the drive's start.
 
-    Otherwise all stations of the first step would send at once.
+    Otherwise all stations of the first step would send simultaneously.
     """
     if first_seen_ns != drive_begin_ns:
         return first_seen_ns

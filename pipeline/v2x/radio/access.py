@@ -1,7 +1,8 @@
-"""Listen before talk: when the messages that wait get onto the air (CSMA/CA of IEEE 802.11).
+"""Listen before talk: when waiting messages are transmitted (CSMA/CA of IEEE 802.11).
 
-A message is sent at once if its station has sensed no signal for an AIFS. Otherwise it waits for the channel
-to be free for an AIFS, and then counts down random slots; the countdown stops while the channel is busy.
+A message is sent immediately if its station has sensed no signal for an AIFS. Otherwise it waits for the
+channel to be free for an AIFS, and then counts down random slots; the countdown stops while the channel is
+busy.
 Simplified: propagation takes no time here, and there is one threshold for signals and energy, one queue for
 all messages, and no backoff after a message sent on a free channel. As in every broadcast, nothing is
 acknowledged or retransmitted, and the contention window stays the same.

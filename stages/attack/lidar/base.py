@@ -8,10 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.labels.cloud_change import CloudChange
+from advpipe.pipeline.labels.cloud_quantity import AGGREGATES, COLUMNS, CloudQuantity
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, cloud_quantities
+from advpipe.pipeline.labels.quantity import Quantity
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.attack.base import Attack, Traits
 
@@ -42,7 +46,7 @@ class LidarResult:
 
 
 def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
-    """A frame that the attack leaves as it was, and why; the note must tell."""
+    """The result for a cloud (N,) that the attack leaves as it is; the note says why."""
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
@@ -89,9 +93,11 @@ class Budget:
 @dataclass(frozen=True, kw_only=True)
 class LidarTraits(Traits):
     """What is known of an attack on clouds whatever its parameters. only_for: parameters that some recipes
-    alone look at, by name, with these recipes; set for another one they are refused."""
+    alone look at, by name, with these recipes; set for another one they are refused. quantities: of the
+    attack's own, for its bounds; the bag carries them."""
 
     budget: Budget
+    quantities: tuple[CloudQuantity, ...] = ()
     only_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -116,7 +122,23 @@ class LidarAttack(Attack):
     @abstractmethod
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Least and most of each quantity that the attack bounds, with its parameters, in every cloud that it
-        changes; by names of `advpipe.pipeline.labels.quantities`."""
+        changes; by names of `advpipe.pipeline.labels.quantities` and of the quantities in its traits."""
+
+    @classmethod
+    def measurable(cls) -> Mapping[str, Quantity[CloudChange]]:
+        """What its bounds may be of, by name. Raises UsageError for a quantity of its own that cannot be
+        measured, or has the name of another one."""
+        own = lidar_traits(cls).quantities
+        names = [*CLOUD_QUANTITIES, *(each.name for each in own)]
+        for each in own:
+            if not each.is_measurable:
+                raise UsageError(
+                    f"{cls.__name__}: {each.name} is the {each.aggregate} of {each.column}; known columns: "
+                    f"{', '.join(COLUMNS)}; known aggregates: {', '.join(AGGREGATES)}"
+                )
+            if names.count(each.name) > 1:
+                raise UsageError(f"{cls.__name__}: there is another quantity {each.name}; rename this one")
+        return cloud_quantities(own)
 
     @property
     def query_budget(self) -> int | None:

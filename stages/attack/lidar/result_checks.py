@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED, PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
 from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
-from advpipe.stages.attack.lidar.base import LidarResult
+from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 
 _DTYPE_KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
 """The arrays of `PointLabels`, by the kinds of their numbers as numpy calls them."""
@@ -48,14 +47,12 @@ def refuse_invalid(attack: str, clean: Cloud, result: Any) -> None:
         raise AdvpipeError(f"{attack} returned {result.note!r} as its note, no text")
 
 
-def refuse_out_of_bounds(
-    attack: str, bounds: Mapping[str, tuple[float, float]], clean: Cloud, result: LidarResult
-) -> None:
+def refuse_out_of_bounds(name: str, attack: LidarAttack, clean: Cloud, result: LidarResult) -> None:
     """Raises AdvpipeError where an attack went beyond the bounds that it declares."""
     if len(result.labels):
         change = CloudChange(clean, result.cloud, result.labels)
-        for excess in excesses(change, bounds, CLOUD_QUANTITIES):
-            raise AdvpipeError(f"{attack} went beyond its bounds: {excess}")
+        for excess in excesses(change, attack.bounds, attack.measurable()):
+            raise AdvpipeError(f"{name} went beyond its bounds: {excess}")
 
 
 def _has_unlabelled_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:

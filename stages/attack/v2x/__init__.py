@@ -1,1 +1,1 @@
-"""Attacks on V2X messages: what stations send is changed, and then sent again through the radio model."""
+"""Attacks on V2X messages: they change what stations send, which the radio model then transmits again."""

@@ -60,4 +60,4 @@ class FeignedBraking(Falsification):
 
 def _factors(context: AttackContext, least: float, most: float) -> dict[int, float]:
     ends, draws = checked_range(context.name, "factor_{}", least, most, 0, 1000), AttackDraws(context)
-    return {one: float(draws.of(one).uniform(*ends)) for one in context.attackers}
+    return {attacker: float(draws.of(attacker).uniform(*ends)) for attacker in context.attackers}

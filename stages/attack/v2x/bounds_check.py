@@ -1,4 +1,4 @@
-"""Checks that attacks on messages keep the bounds that they declare."""
+"""Checks that attacks on messages stay within their declared bounds."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ class BoundsCheck:
 
     def refuse_beyond(
         self,
-        place: int,
+        editor_index: int,
         attack: str,
         part: str,
-        one: Sent,
+        message: Sent,
         old: Sent | None,
         values: tuple[Values | None, Values | None],
     ) -> None:
-        """Raises AdvpipeError if an attack, or a part of it, changed a message beyond its bounds.
+        """Raise AdvpipeError if an attack, or a part of it, changed a message beyond its bounds.
 
-        old: the message before, None for an added one. values: of the message before and after.
+        old: the message before the attack, None for an added one. values: of the message before and after.
         """
-        declared = self._declared.get(place)
+        declared = self._declared.get(editor_index)
         part_declared = declared.part(part) if declared is not None and part else declared
         if part_declared is None or not part_declared.bounds:
             return
         if old is None:
-            count = self._added_in_a_second(place, one)
+            count = self._added_in_a_second(editor_index, message)
             change = MessageChange(self._geodesy, added_in_a_second=count)
         else:
-            change = MessageChange(self._geodesy, *values, (one.request_ns - old.request_ns) / NS_PER_S)
+            change = MessageChange(self._geodesy, *values, (message.request_ns - old.request_ns) / NS_PER_S)
         for excess in excesses(change, part_declared.bounds, MESSAGE_QUANTITIES):
             raise AdvpipeError(f"{part or attack} went beyond its bounds: {excess}")
 
-    def _added_in_a_second(self, place: int, one: Sent) -> int:
-        """How many messages its radio has added in the second that ends with this one."""
-        times_ns = self._added_ns.setdefault((place, one.station_id), deque())
-        times_ns.append(one.request_ns)
-        while times_ns[0] <= one.request_ns - NS_PER_S:
+    def _added_in_a_second(self, editor_index: int, message: Sent) -> int:
+        """How many messages the message's radio has added in the second that ends with this one."""
+        times_ns = self._added_ns.setdefault((editor_index, message.station_id), deque())
+        times_ns.append(message.request_ns)
+        while times_ns[0] <= message.request_ns - NS_PER_S:
             times_ns.popleft()
         return len(times_ns)

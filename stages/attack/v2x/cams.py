@@ -1,4 +1,4 @@
-"""Decoded and encoded CAMs, each only once a step for all attacks and labels."""
+"""Decoding and encoding of CAMs, once per step for all attacks and labels."""
 
 from __future__ import annotations
 

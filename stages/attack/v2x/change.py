@@ -50,8 +50,8 @@ def forge(
     dcc_reacts: whether the benign stations' congestion control reacts to the channel load of the attacks
     (see `Congestion`); otherwise they send what they sent in the recording.
 
-    Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, bad
-    parameters, a schedule outside of the recording, and `dcc_reacts` without congestion control.
+    Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, invalid
+    parameters, a schedule outside the recording, and `dcc_reacts` without congestion control.
     """
     drive = V2xDrive(reader)
     if dcc_reacts and drive.v2x.cam.dcc == "none":
@@ -62,12 +62,12 @@ def forge(
     sent = reader.messages(V2X_SENT.name) if V2X_SENT.name in reader.topics else iter(())
     last = max((int(message.number) for _, message in sent), default=None)
     if last is None:
-        raise UsageError(f"{reader.path} has no CAMs: nothing to forge; record more of the drive")
+        raise UsageError(f"{reader.path} has no CAMs to attack; record more of the drive")
     recording, selection = recording_of(reader), AttackerSelection(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
     cams, numbers = CamEditor(), AllocatedIds(last + 1, set(drive.stations))
-    made: list[V2xAttack] = []
+    built: list[V2xAttack] = []
     for spec in attacks:
         recording.refuse_outside(spec)
         context = AttackContext(
@@ -83,21 +83,21 @@ def forge(
             cams=cams,
             numbers=numbers,
         )
-        made.append(_build(spec, context))
+        built.append(_build(spec, context))
     numbers.station_ids |= set(selection.names)
     declared = {
-        place: declaration_of_messages(spec, V2X_ATTACKS.find(spec.type))
-        for place, spec in enumerate(attacks, len(editors))
+        editor_index: declaration_of_messages(spec, V2X_ATTACKS.find(spec.type))
+        for editor_index, spec in enumerate(attacks, len(editors))
     }
     labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
-    attackers = frozenset(number for attack in made for number in attack.context.attackers)
+    attackers = frozenset(number for attack in built for number in attack.context.attackers)
     congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None
-    return V2xChange(reader, drive, selection, (*editors, *made), labels, congestion)
+    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion)
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
-    kind = V2X_ATTACKS.find(spec.type)
-    attack = kind(context, **resolved_parameters(spec, kind))
+    attack_class = V2X_ATTACKS.find(spec.type)
+    attack = attack_class(context, **resolved_parameters(spec, attack_class))
     if (
         attack.traits.needs_traffic
         and spec.attackers is not None
@@ -148,6 +148,7 @@ class V2xChange:
 
     @property
     def held_back(self) -> int:
+        """The number of messages that the benign stations' congestion control held back."""
         return self._congestion.held_back if self._congestion else 0
 
     def messages(self) -> Iterator[RawMessage]:
@@ -172,11 +173,11 @@ class V2xChange:
         self._labels.write(folder)
 
     def counts(self) -> Counter[str]:
-        """How many CAMs were changed, added, delayed, dropped, made invalid, corrupt before the attack, and
-        held back by the benign stations' congestion control; and which attacks met no CAM."""
+        """The numbers of CAMs that were changed, added, delayed, dropped, made invalid, corrupt before the
+        attack, or held back by the benign stations' congestion control; and the attacks that met no CAM."""
         counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
-        for place, editor in enumerate(self._editors):
-            if isinstance(editor, V2xAttack) and place not in self._labels.touching:
+        for editor_index, editor in enumerate(self._editors):
+            if isinstance(editor, V2xAttack) and editor_index not in self._labels.touching:
                 counts[f"attack that met no CAM: {editor.name}"] += 1
         if self._congestion:
             counts["CAMs held back by others' congestion control"] = self.held_back
@@ -191,9 +192,9 @@ class V2xChange:
         self._cams.forget()
         self._labels.begin(step.sent)
         sent = list(step.sent)
-        for place, editor in enumerate(self._editors):
+        for editor_index, editor in enumerate(self._editors):
             before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
-            self._labels.compare(place, editor, before, sent)
+            self._labels.compare(editor_index, editor, before, sent)
         return self._congestion.allowed(step, sent) if self._congestion else sent
 
     def _stamped(self) -> Iterator[StampedCdr]:
@@ -215,9 +216,9 @@ class V2xChange:
     def _maps(self, channel: Channel, now_ns: int) -> Iterator[StampedCdr]:
         for name, times_ns in self._map_times_ns.items():
             if now_ns in times_ns:
-                topics, known = VehicleTopics(name), channel.snapshot(name, now_ns)
-                yield topics.ldm, ldm_snapshot_cdr(known), now_ns
-                yield topics.ldm_objects, ldm_detections_cdr(known), now_ns
+                topics, snapshot = VehicleTopics(name), channel.snapshot(name, now_ns)
+                yield topics.ldm, ldm_snapshot_cdr(snapshot), now_ns
+                yield topics.ldm_objects, ldm_detections_cdr(snapshot), now_ns
 
     def _send(self, channel: Channel, step: V2xStep) -> Iterator[StampedCdr]:
         sent = self.edited(step) if step.end_ns is not None else []
@@ -225,10 +226,10 @@ class V2xChange:
         if self._congestion:
             self._congestion.observe(result.loads)
         present = {radio.station_id for radio in step.radios}
-        for one in sent:
-            yield sent_message(one)
-            if one.station_id in self._own and one.station_id in present:
-                yield from own_messages(self._own[one.station_id], one)
+        for message in sent:
+            yield sent_message(message)
+            if message.station_id in self._own and message.station_id in present:
+                yield from own_messages(self._own[message.station_id], message)
         for received in result.received:
             yield from received_messages(received)
 
@@ -242,9 +243,9 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 
 
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
-    sent, known = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
+    sent, maps = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
     received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
-    return *sent, *received, *known
+    return *sent, *received, *maps
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Path histories of attackers that falsify their position: the places that they claimed."""
+"""Path histories of attackers that falsify their position, from their claimed positions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LOW = ("cam", "camParameters", LOW)
 
 
 class ClaimedPath:
-    """The places that each station has claimed, one a message; a genuine path has one every 0.1 s.
+    """The positions that each station has claimed, one per message; a genuine path has one every 0.1 s.
 
     points: the maximum number in a CAM.
     """

@@ -35,7 +35,7 @@ class Congestion:
             number: self._controls.get(number) or ReactiveDcc() for number in sorted(present)
         }  # a station that returns was switched on again
         self._last_ns = {number: at_ns for number, at_ns in self._last_ns.items() if number in present}
-        kept = [one for one in sent if one.station_id in self._attackers or self._passes(one)]
+        kept = [message for message in sent if message.station_id in self._attackers or self._passes(message)]
         self.held_back += len(sent) - len(kept)
         return kept
 

@@ -37,17 +37,17 @@ class DccGate:
             return
         self._since_ns = step.begin_ns if self._since_ns is None else self._since_ns
         places_m = {radio.station_id: radio.map_SE3_base[:3, 3] for radio in step.radios}
-        known = [one for one in sent if one.station_id in places_m]
-        if known:
-            senders_m = np.array([places_m[one.station_id] for one in known])
-            power_dbm = np.array([one.power_dbm for one in known])
-            air_ns = self._ofdm.air_time_ns([len(one.payload) for one in known])
+        transmissions = [message for message in sent if message.station_id in places_m]
+        if transmissions:
+            senders_m = np.array([places_m[message.station_id] for message in transmissions])
+            power_dbm = np.array([message.power_dbm for message in transmissions])
+            air_ns = self._ofdm.air_time_ns([len(message.payload) for message in transmissions])
             for attacker in self._controls:
                 if attacker in places_m:
                     distance_m = np.linalg.norm(senders_m - places_m[attacker], axis=1)
                     received_dbm = power_dbm - PATH_LOSS[self._radio.path_loss](distance_m, self._radio)
-                    heard = received_dbm >= self._radio.carrier_sense_dbm
-                    self._busy_ns[attacker] += float(air_ns[heard].sum())
+                    is_sensed = received_dbm >= self._radio.carrier_sense_dbm
+                    self._busy_ns[attacker] += float(air_ns[is_sensed].sum())
         elapsed_ns = step.end_ns - self._since_ns
         if elapsed_ns >= SAMPLE_INTERVAL_S * 1e9:
             for attacker, control in self._controls.items():

@@ -55,28 +55,32 @@ class Delay(V2xAttack):
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         kept = []
-        for one in sent:
-            if self.context.acts(one):
-                self._held.append(replace(one, request_ns=one.request_ns + self._delays_ns[one.station_id]))
+        for message in sent:
+            if self.context.acts(message):
+                self._held.append(
+                    replace(message, request_ns=message.request_ns + self._delays_ns[message.station_id])
+                )
             else:
-                kept.append(one)
+                kept.append(message)
         if step.end_ns is None:
             return kept
-        due = [one for one in self._held if one.request_ns < step.end_ns]
-        self._held = [one for one in self._held if one.request_ns >= step.end_ns]
+        due = [message for message in self._held if message.request_ns < step.end_ns]
+        self._held = [message for message in self._held if message.request_ns >= step.end_ns]
         present = {radio.station_id for radio in step.radios}
-        return kept + [self._released(one) for one in due if one.station_id in present]
+        return kept + [self._released(message) for message in due if message.station_id in present]
 
-    def _released(self, one: Sent) -> Sent:
+    def _released(self, message: Sent) -> Sent:
         cams = self.context.cams
-        tree = cams.open(one.payload) if self._restamp else None
+        tree = cams.open(message.payload) if self._restamp else None
         if tree is None:
-            return one
-        return replace(one, payload=cams.close(with_later_time(tree, self._delays_ns[one.station_id])))
+            return message
+        return replace(
+            message, payload=cams.close(with_later_time(tree, self._delays_ns[message.station_id]))
+        )
 
 
 class Stale(V2xAttack):
-    """Repeats the attacker's own CAM of some messages ago: F2MD's stale messages (there, 60 at 1 Hz).
+    """Repeats the attacker's own CAM of `messages` messages ago: F2MD's stale messages (there, 60 at 1 Hz).
 
     restamp: with the generation time of the message that it replaces. The first `messages` CAMs stay
     unchanged.
@@ -105,19 +109,22 @@ class Stale(V2xAttack):
         )
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
-        return [self._aged(one) if one.station_id in self.context.attackers else one for one in in_order]
+        in_order = sorted(sent, key=lambda message: (message.request_ns, message.number))
+        return [
+            self._aged(message) if message.station_id in self.context.attackers else message
+            for message in in_order
+        ]
 
-    def _aged(self, one: Sent) -> Sent:
+    def _aged(self, message: Sent) -> Sent:
         cams = self.context.cams
-        own = cams.open(one.payload)
+        own = cams.open(message.payload)
         if own is None:
-            return one
-        history = self._history.setdefault(one.station_id, deque(maxlen=self._messages + 1))
+            return message
+        history = self._history.setdefault(message.station_id, deque(maxlen=self._messages + 1))
         history.append(own)
-        if len(history) <= self._messages or not self.context.active(one.request_ns):
-            return one
+        if len(history) <= self._messages or not self.context.active(message.request_ns):
+            return message
         old = history[0]
         if self._restamp:
             old = with_fields(old, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
-        return replace(one, payload=cams.close(with_later_time(old, self._ahead_ns)))
+        return replace(message, payload=cams.close(with_later_time(old, self._ahead_ns)))

@@ -17,8 +17,8 @@ MAX_LENGTH_M, MAX_WIDTH_M = 102.1, 6.0
 class Dimensions(Falsification):
     """Adds offsets to length and width (VASP adds 4 m), negative ones to make the vehicle smaller.
 
-    The result stays between 0.1 m and what a CAM can encode. As the reference point is on the front side, the
-    box grows backwards and to both sides.
+    The result stays between 0.1 m and the largest value that a CAM can encode. As the reference point is on
+    the front side, the box grows backwards and to both sides.
     """
 
     traits = V2xTraits(untrue=("dimensions",))

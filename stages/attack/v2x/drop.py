@@ -16,7 +16,7 @@ from advpipe.stages.attack.v2x.cams import field_of
 
 
 class Drop(V2xAttack):
-    """Drops an attacker's messages: all of them, or those that matter most.
+    """Drops an attacker's messages: all of them, or those that are most relevant for safety.
 
     probability: of dropping each message that meets the other conditions. near_m: only while the attacker is
     within this distance of the victim. braking_mps2: only messages that report at least this deceleration.
@@ -44,17 +44,21 @@ class Drop(V2xAttack):
         self._rngs: dict[int, np.random.Generator] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
-        return [one for one in in_order if not (self.context.acts(one) and self._is_dropped(step, one))]
+        in_order = sorted(sent, key=lambda message: (message.request_ns, message.number))
+        return [
+            message
+            for message in in_order
+            if not (self.context.acts(message) and self._is_dropped(step, message))
+        ]
 
-    def _is_dropped(self, step: V2xStep, one: Sent) -> bool:
-        if self._near_m is not None and not self._distance_m(step, one.station_id) <= self._near_m:
+    def _is_dropped(self, step: V2xStep, message: Sent) -> bool:
+        if self._near_m is not None and not self._distance_m(step, message.station_id) <= self._near_m:
             return False
-        if self._braking_mps2 is not None and not self._acceleration_mps2(one) <= -self._braking_mps2:
+        if self._braking_mps2 is not None and not self._acceleration_mps2(message) <= -self._braking_mps2:
             return False
-        if one.station_id not in self._rngs:
-            self._rngs[one.station_id] = self.context.rng("drop", one.station_id)
-        return bool(self._rngs[one.station_id].random() < self._probability)
+        if message.station_id not in self._rngs:
+            self._rngs[message.station_id] = self.context.rng("drop", message.station_id)
+        return bool(self._rngs[message.station_id].random() < self._probability)
 
     def _distance_m(self, step: V2xStep, attacker: int) -> float:
         """The distance to the victim; infinite if either is not on the road."""
@@ -64,7 +68,7 @@ class Drop(V2xAttack):
             return math.inf
         return math.dist(places[0].map_SE3_base[:3, 3], places[1].map_SE3_base[:3, 3])
 
-    def _acceleration_mps2(self, one: Sent) -> float:
-        tree = self.context.cams.open(one.payload)
+    def _acceleration_mps2(self, message: Sent) -> float:
+        tree = self.context.cams.open(message.payload)
         true_mps2 = None if tree is None else field_of(tree, "longitudinal_acceleration_mps2")
         return math.inf if true_mps2 is None else float(true_mps2)

@@ -25,7 +25,7 @@ class OwnMessage:
     """An attacker's message before its falsification.
 
     reference_point_m: x and y of the reference point, the middle of the vehicle's front side, in the map's
-    frame; NaN where the message does not state it.
+    frame; NaN if the message does not contain it.
     """
 
     station_id: int
@@ -55,36 +55,39 @@ class Falsification(V2xAttack):
     def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
         """The fields to change (`cams.FIELDS`, `REFERENCE_POINT_M`), with their false values.
 
-        Called for each message of an attacker while the attack is active, in order of time.
+        Called for each message of an attacker while the attack is active, in order of time. Every bit of a
+        field that is not returned stays as it is.
         """
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         cams, attacking, edited = self.context.cams, self.context.attacking, list(sent)
         found = [
-            (index, one, tree, is_attacked)
-            for index, one in enumerate(sent)
-            if one.station_id in attacking
-            and ((is_attacked := self.context.active(one.request_ns)) or self._path is not None)
-            and (tree := cams.open(one.payload)) is not None
+            (index, message, tree, is_attacked)
+            for index, message in enumerate(sent)
+            if message.station_id in attacking
+            and ((is_attacked := self.context.active(message.request_ns)) or self._path is not None)
+            and (tree := cams.open(message.payload)) is not None
         ]
         reference_points_m = self._reference_points_m([tree for _, _, tree, _ in found])
         changes = [
-            dict(self.falsify(OwnMessage(one.station_id, one.request_ns, tree, reference_point_m)))
+            dict(self.falsify(OwnMessage(message.station_id, message.request_ns, tree, reference_point_m)))
             if is_attacked
             else {}
-            for (_, one, tree, is_attacked), reference_point_m in zip(found, reference_points_m, strict=True)
+            for (_, message, tree, is_attacked), reference_point_m in zip(
+                found, reference_points_m, strict=True
+            )
         ]
         self._to_geographic(changes)
-        for (index, one, tree, is_attacked), fields in zip(found, changes, strict=True):
-            false = with_fields(tree, **fields)
+        for (index, message, tree, is_attacked), fields in zip(found, changes, strict=True):
+            falsified = with_fields(tree, **fields)
             if self._path is not None:
-                false = self._path.follow(one, false, is_attacked)
-            if false is not tree:
-                edited[index] = replace(one, payload=cams.close(false))
+                falsified = self._path.follow(message, falsified, is_attacked)
+            if falsified is not tree:
+                edited[index] = replace(message, payload=cams.close(falsified))
         return edited
 
     def _reference_points_m(self, trees: Sequence[CamTree]) -> list[tuple[float, float]]:
-        """The reference points that the CAMs state, converted together."""
+        """The reference points in the CAMs, converted together."""
         if not self._needs_position or not trees:
             return [(np.nan, np.nan)] * len(trees)
         degrees = [

@@ -35,8 +35,8 @@ _LATITUDE_DEG = 1e-4
 class Flood(V2xAttack):
     """Sends `rate_hz` messages at equal intervals, besides the attackers' genuine ones.
 
-    ahead_s: how far generation times lie in the future. dcc: whether attackers respect reactive congestion
-    control nevertheless. sybil: use a new station id for each message.
+    ahead_s: how far generation times lie in the future. dcc: whether attackers still respect reactive
+    congestion control. sybil: use a new station id for each message.
     """
 
     sybil = False
@@ -59,7 +59,7 @@ class Flood(V2xAttack):
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
-        rate_hz = min(max(parameters["rate_hz"], MIN_RATE_HZ), MAX_RATE_HZ)  # others are refused
+        rate_hz = min(max(parameters["rate_hz"], MIN_RATE_HZ), MAX_RATE_HZ)  # other rates are rejected
         return {MESSAGES_ADDED.name: (0, math.ceil(1e9 / _interval_ns(rate_hz)))}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -106,7 +106,7 @@ class Flood(V2xAttack):
 
 
 class Dos(Flood):
-    """The attacker's own last CAM, extrapolated along its heading: true, but too often."""
+    """The attacker's own last CAM, extrapolated along its heading: true, but sent too often."""
 
     traits = V2xTraits(
         every_message_matters=True, published=Published(veremi_extension=13, nextgen=12, catch_f1=0.353)
@@ -117,11 +117,11 @@ class Dos(Flood):
         self._own: dict[int, tuple[int, CamTree]] = {}
 
     def _remember(self, step: V2xStep, sent: Sequence[Sent]) -> None:
-        for one in sorted(sent, key=lambda one: (one.request_ns, one.number)):
-            if one.station_id in self.context.attackers:
-                tree = self.context.cams.open(one.payload)
+        for message in sorted(sent, key=lambda message: (message.request_ns, message.number)):
+            if message.station_id in self.context.attackers:
+                tree = self.context.cams.open(message.payload)
                 if tree is not None:
-                    self._own[one.station_id] = one.request_ns, tree
+                    self._own[message.station_id] = message.request_ns, tree
 
     def _content(self, attacker: int, at_ns: int) -> CamTree | None:
         if attacker not in self._own:
@@ -187,7 +187,7 @@ class DosRandom(Flood):
 
 
 class DosRandomSybil(DosRandom):
-    """Random positions like `cam-dos-random`, with a new ghost station id in each message."""
+    """Random positions like `cam-dos-random`, with a new pseudonym in each message."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
@@ -197,7 +197,8 @@ class DosRandomSybil(DosRandom):
 
 
 class DosDisruptive(Flood):
-    """Random messages heard in the last memory_s within range_m, replayed as new under the attacker's id."""
+    """Random messages overheard in the last memory_s within range_m, replayed as new under the attacker's
+    id."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=15)
@@ -221,8 +222,8 @@ class DosDisruptive(Flood):
         self._overheard.listen(step, sent)
 
     def _content(self, attacker: int, at_ns: int) -> CamTree | None:
-        heard = self._overheard.any_of(attacker, self._rngs[attacker])
-        tree = None if heard is None else self.context.cams.open(heard.payload)
+        overheard = self._overheard.any_of(attacker, self._rngs[attacker])
+        tree = None if overheard is None else self.context.cams.open(overheard.payload)
         if tree is None:
             return None
         return with_fields(
@@ -231,7 +232,7 @@ class DosDisruptive(Flood):
 
 
 class DosDisruptiveSybil(DosDisruptive):
-    """Replayed messages like `cam-dos-disruptive`, with a new ghost station id in each message."""
+    """Replayed messages like `cam-dos-disruptive`, with a new pseudonym in each message."""
 
     traits = V2xTraits(
         every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)
@@ -251,12 +252,12 @@ def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
     values = (latitude_deg, longitude_deg, heading_rad, speed_mps)
     if any(value is None or not np.isfinite(value) for value in values):
         return with_later_time(tree, by_ns)
-    way_m = speed_mps * by_ns / 1e9
+    distance_m = speed_mps * by_ns / 1e9
     per_east_deg, per_north_deg = _degrees_per_metre(latitude_deg, longitude_deg)
     moved = with_fields(
         tree,
-        latitude_deg=latitude_deg + way_m * math.cos(heading_rad) * per_north_deg,
-        longitude_deg=longitude_deg + way_m * math.sin(heading_rad) * per_east_deg,
+        latitude_deg=latitude_deg + distance_m * math.cos(heading_rad) * per_north_deg,
+        longitude_deg=longitude_deg + distance_m * math.sin(heading_rad) * per_east_deg,
     )
     return with_later_time(moved, by_ns)
 

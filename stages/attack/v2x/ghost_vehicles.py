@@ -188,14 +188,14 @@ class BrakingMotion(NamedTuple):
 
     def motion(self, time_ns: int) -> GhostMotion:
         """The motion at a time after the start."""
-        passed_s = (time_ns - self.begin_ns) / 1e9
-        is_braking = 0 <= passed_s - self.cruise_s < self._stop_s
-        braking_s = min(max(passed_s - self.cruise_s, 0.0), self._stop_s)
-        after_s = max(passed_s - self.cruise_s - self._stop_s, 0.0)
-        way_m = self.speed_mps * (min(passed_s, self.cruise_s) + braking_s)
-        way_m += self.final_mps * after_s - self.deceleration_mps2 * braking_s**2 / 2
+        elapsed_s = (time_ns - self.begin_ns) / 1e9
+        is_braking = 0 <= elapsed_s - self.cruise_s < self._stop_s
+        braking_s = min(max(elapsed_s - self.cruise_s, 0.0), self._stop_s)
+        after_s = max(elapsed_s - self.cruise_s - self._stop_s, 0.0)
+        distance_m = self.speed_mps * (min(elapsed_s, self.cruise_s) + braking_s)
+        distance_m += self.final_mps * after_s - self.deceleration_mps2 * braking_s**2 / 2
         pose = self.map_SE3_start.copy()
-        pose[:3, 3] += way_m * pose[:3, 0]
+        pose[:3, 3] += distance_m * pose[:3, 0]
         speed_mps = self.speed_mps - self.deceleration_mps2 * braking_s
         return GhostMotion(pose, speed_mps, -self.deceleration_mps2 if is_braking else 0.0, 0.0)
 

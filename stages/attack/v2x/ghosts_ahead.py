@@ -1,4 +1,4 @@
-"""Ghost vehicles ahead of one target, which stand or brake where it just fails to stop."""
+"""Ghost vehicles ahead of one target, which stand or brake near its stopping distance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.ghost_vehicles import BrakingMotion, GhostAttack, GhostMotion, Key
 
 MAX_DISTANCE_M = 300.0
-"""Ghost vehicles farther than this from tsuccessor target have no effect on it."""
+"""Ghost vehicles farther than this from their target have no effect on it."""
 
 
 @dataclass
@@ -71,7 +71,8 @@ class GhostsAhead(GhostAttack):
 
     @abstractmethod
     def _create(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
-        """Ghost vehicles for a target whose front has this pose (4, 4), and this speed. key: seeds draws."""
+        """Ghost vehicles for a target with this pose (4, 4) of its front, and this speed. key: of random
+        draws."""
 
     def _group(self, step: V2xStep, target: RadioPlace) -> _GhostGroup:
         """The target's ghost vehicles; a new group if none is ahead of it any more."""

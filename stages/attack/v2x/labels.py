@@ -1,4 +1,5 @@
-"""The labels of attacks on messages, as Parquet beside the adversarial bag: one row a touched message."""
+"""The labels of attacks on messages: a Parquet file beside the adversarial bag, one row per touched
+message."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ class _Row(NamedTuple):
     """A touched message. before, true, false: the values before the attack, those of a genuine message, and
     those after the attack; None if there are none or the message is not a vehicle's CAM."""
 
-    one: Sent
+    message: Sent
     time_ns: int
     attack: str
     part: str
@@ -55,8 +56,8 @@ class Labels:
     The columns of `v2x_labels.parquet`: `labels.messages.MESSAGE_COLUMNS`.
 
     touching: indices of the editors that touched any message. counts: messages by action, and "made
-    invalid": how many of them were CAMs before but no longer. Messages still held back count as
-    dropped once the file is written. declared: declarations of attacks, by their indices among all editors.
+    invalid": how many of them were CAMs before but no longer. Messages still held back when the file is
+    written count as dropped. declared: declarations of attacks, by their indices among all editors.
     """
 
     def __init__(
@@ -70,12 +71,12 @@ class Labels:
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
         self._tables: list[Any] = []
-        self._held: dict[tuple[int, int], Sent] = {}
+        self._held_back: dict[tuple[int, int], Sent] = {}
         self._editors: list[MessageEditor] = []
         self._newest: dict[int, bytes] = {}
         self._step: dict[int, Sent] = {}
         self._by_station: dict[int, list[Sent]] = {}
-        self._refusal = BoundsCheck(geodesy, declared)
+        self._bounds_check = BoundsCheck(geodesy, declared)
         self.touching: set[int] = set()
         self.counts: Counter[str] = Counter()
 
@@ -83,33 +84,33 @@ class Labels:
         """Start a step with its recorded messages."""
         for station_id, messages in self._by_station.items():
             self._newest[station_id] = messages[-1].payload
-        self._step = {one.number: one for one in recorded}
+        self._step = {message.number: message for message in recorded}
         self._by_station = {}
-        for one in recorded:
-            self._by_station.setdefault(one.station_id, []).append(one)
+        for message in recorded:
+            self._by_station.setdefault(message.station_id, []).append(message)
 
     def compare(
-        self, place: int, editor: MessageEditor, before: Sequence[Sent], after: Sequence[Sent]
+        self, editor_index: int, editor: MessageEditor, before: Sequence[Sent], after: Sequence[Sent]
     ) -> None:
         """Label what the editor with this index did in the step. Raises AdvpipeError if it exceeded the
         bounds that it declares."""
-        while len(self._editors) <= place:
+        while len(self._editors) <= editor_index:
             self._editors.append(editor)
-        olds = {one.number: one for one in before}
-        for one in after:
-            old = olds.pop(one.number, None)
+        olds = {message.number: message for message in before}
+        for message in after:
+            old = olds.pop(message.number, None)
             if old is None:
-                self._add_new(place, one)
-            elif one is old or one == old:
-                if isinstance(editor, V2xAttack) and self._is_corrupt(editor, one):
-                    self._add(place, CORRUPT, one, one, one.request_ns, one.payload)
-            elif one.payload == old.payload and one.request_ns != old.request_ns:
-                self._add(place, DELAYED, one, old, old.request_ns, self._genuine(one))
+                self._add_new(editor_index, message)
+            elif message is old or message == old:
+                if isinstance(editor, V2xAttack) and self._is_corrupt(editor, message):
+                    self._add(editor_index, CORRUPT, message, message, message.request_ns, message.payload)
+            elif message.payload == old.payload and message.request_ns != old.request_ns:
+                self._add(editor_index, DELAYED, message, old, old.request_ns, self._genuine(message))
             else:
-                original = self._step.get(one.number, old)
-                self._add(place, CHANGED, one, old, original.request_ns, original.payload)
-        for number, one in olds.items():
-            self._held[place, number] = one
+                original = self._step.get(message.number, old)
+                self._add(editor_index, CHANGED, message, old, original.request_ns, original.payload)
+        for number, message in olds.items():
+            self._held_back[editor_index, number] = message
         if len(self._rows) >= _BLOCK:
             self._close_block()
 
@@ -118,56 +119,56 @@ class Labels:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        for (place, _), one in self._held.items():
-            self._add(place, DROPPED, one, one, one.request_ns, one.payload)
+        for (editor_index, _), message in self._held_back.items():
+            self._add(editor_index, DROPPED, message, message, message.request_ns, message.payload)
             if len(self._rows) >= _BLOCK:
                 self._close_block()
                 self.cams.forget()
-        self._held.clear()
+        self._held_back.clear()
         self._close_block()
         table = pa.concat_tables(self._tables)
         order = [("time_ns", "ascending"), ("number", "ascending"), ("attack", "ascending")]
         pq.write_table(table.sort_by(order), folder / FILE)
 
-    def _add_new(self, place: int, one: Sent) -> None:
-        held = self._held.pop((place, one.number), None)
-        genuine = self._genuine(one)
+    def _add_new(self, editor_index: int, message: Sent) -> None:
+        held = self._held_back.pop((editor_index, message.number), None)
+        genuine = self._genuine(message)
         if held is None:
-            self._add(place, ADDED, one, None, one.request_ns, genuine)
+            self._add(editor_index, ADDED, message, None, message.request_ns, genuine)
         else:
-            self._add(place, DELAYED, one, held, held.request_ns, genuine)
+            self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
-    def _is_corrupt(self, attack: V2xAttack, one: Sent) -> bool:
-        return attack.context.acts(one) and self.cams.open(one.payload) is None
+    def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
+        return attack.context.acts(message) and self.cams.open(message.payload) is None
 
-    def _genuine(self, one: Sent) -> bytes | None:
+    def _genuine(self, message: Sent) -> bytes | None:
         """The latest genuine message of the station that a message claims to be from."""
-        tree = self.cams.open(one.payload)
+        tree = self.cams.open(message.payload)
         if tree is None:
             return None
         station_id = field_of(tree, "station_id")
         payload = self._newest.get(station_id)
         for sent in self._by_station.get(station_id, ()):
-            if sent.request_ns <= one.request_ns:
+            if sent.request_ns <= message.request_ns:
                 payload = sent.payload
         return payload
 
     def _add(
         self,
-        place: int,
+        editor_index: int,
         action: str,
-        one: Sent,
+        message: Sent,
         old: Sent | None,
         time_ns: int,
         true: bytes | None,
     ) -> None:
         """old: the message before the editor. time_ns: when it was handed to the radio in the recording."""
         is_sent, before = action != DROPPED, None if old is None else old.payload
-        sender, editor = self._names.get(one.station_id, ""), self._editors[place]
-        self.touching.add(place)
-        part = editor.part(one.station_id) if isinstance(editor, V2xAttack) else None
+        sender, editor = self._names.get(message.station_id, ""), self._editors[editor_index]
+        self.touching.add(editor_index)
+        part = editor.part(message.station_id) if isinstance(editor, V2xAttack) else None
         row = _Row(
-            one,
+            message,
             time_ns,
             editor.name,
             "" if part in (None, editor) else part.name,
@@ -177,10 +178,12 @@ class Labels:
             part is not None and part.traits.every_message_matters,
             before_values := self._values(before),
             before_values if true is before else self._values(true),
-            self._values(one.payload if is_sent else None),
+            self._values(message.payload if is_sent else None),
         )
         if is_sent:
-            self._refusal.refuse_beyond(place, row.attack, row.part, one, old, (row.before, row.false))
+            self._bounds_check.refuse_beyond(
+                editor_index, row.attack, row.part, message, old, (row.before, row.false)
+            )
         self._rows.append(row)
         self.counts[action] += 1
         self.counts["made invalid"] += is_sent and row.before is not None and row.false is None
@@ -199,10 +202,10 @@ class Labels:
         )
         moved_m = np.hypot(*(true_m - false_m)).tolist()
         columns: dict[str, Any] = {
-            "number": [row.one.number for row in rows],
-            "station_id": [row.one.station_id for row in rows],
+            "number": [row.message.number for row in rows],
+            "station_id": [row.message.station_id for row in rows],
             "time_ns": [row.time_ns for row in rows],
-            "sent_ns": [None if row.action == DROPPED else row.one.request_ns for row in rows],
+            "sent_ns": [None if row.action == DROPPED else row.message.request_ns for row in rows],
             **{
                 name: [getattr(row, name) for row in rows]
                 for name in ("attack", "part", "attacker", "sender", "action")
@@ -210,12 +213,12 @@ class Labels:
             "fields": [_changed_fields(row) for row in rows],
             "mattered": [self._mattered(row, moved) for row, moved in zip(rows, moved_m, strict=True)],
         }
-        for kind, kind_m in (("true", true_m), ("false", false_m)):
-            for axis, values_m in zip(AXES, kind_m, strict=True):
-                columns[f"{kind}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
+        for state, points_m in (("true", true_m), ("false", false_m)):
+            for axis, values_m in zip(AXES, points_m, strict=True):
+                columns[f"{state}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
             for field in FIELDS:
-                columns[f"{kind}_{field}"] = [
-                    None if (stated := getattr(row, kind)) is None else stated[field] for row in rows
+                columns[f"{state}_{field}"] = [
+                    None if (stated := getattr(row, state)) is None else stated[field] for row in rows
                 ]
         self._tables.append(pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS)))
 

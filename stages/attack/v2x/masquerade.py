@@ -57,17 +57,20 @@ class Masquerade(V2xAttack):
         )
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
-        return [self._impersonate(step, one) if self.context.acts(one) else one for one in in_order]
+        in_order = sorted(sent, key=lambda message: (message.request_ns, message.number))
+        return [
+            self._impersonate(step, message) if self.context.acts(message) else message
+            for message in in_order
+        ]
 
-    def _impersonate(self, step: V2xStep, one: Sent) -> Sent:
+    def _impersonate(self, step: V2xStep, message: Sent) -> Sent:
         cams = self.context.cams
-        tree = cams.open(one.payload)
-        station_id = self._identity_of(step, one.station_id)
+        tree = cams.open(message.payload)
+        station_id = self._identity_of(step, message.station_id)
         if tree is None or station_id is None:
-            return one
+            return message
         tree = with_later_time(with_fields(tree, station_id=station_id), self._ahead_ns)
-        return replace(one, payload=cams.close(tree))
+        return replace(message, payload=cams.close(tree))
 
     def _identity_of(self, step: V2xStep, attacker: int) -> int | None:
         """The station id that the attacker uses; None if no station is in range."""

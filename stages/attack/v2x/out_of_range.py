@@ -32,19 +32,19 @@ CODES: dict[str, tuple[tuple[tuple[str, ...], int], ...]] = {
     "width": (((*_FAST, "vehicleWidth"), 61),),  # out of range: beyond 6 m
     "station-type": (((*_BASIC, "stationType"), 255),),  # no type has this number
 }
-"""The ASN.1 values that each field gets."""
+"""The out-of-range ASN.1 values of each field."""
 ALL = "all"
 
 
 class OutOfRange(V2xAttack):
-    """Sets one field, or all of them, to values that the ASN.1 allows and no receiver can use.
+    """Sets one field, or all of them, to values that the ASN.1 allows but no receiver can use.
 
     The messages stay valid UPER. A Local Dynamic Map accepts one without a position; how it handles the other
     fields depends on its implementation.
     """
 
     traits = V2xTraits(
-        untrue=tuple(one for one in ALL_CLAIMS if one not in ("station id", "generation time"))
+        untrue=tuple(claim for claim in ALL_CLAIMS if claim not in ("station id", "generation time"))
     )
 
     def __init__(self, context: AttackContext, *, field: str = ALL) -> None:
@@ -53,13 +53,13 @@ class OutOfRange(V2xAttack):
         self._codes = [code for name, codes in CODES.items() if chosen in (ALL, name) for code in codes]
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
-        return [self._with_codes(one) if self.context.acts(one) else one for one in sent]
+        return [self._with_codes(message) if self.context.acts(message) else message for message in sent]
 
-    def _with_codes(self, one: Sent) -> Sent:
+    def _with_codes(self, message: Sent) -> Sent:
         cams = self.context.cams
-        tree: CamTree | None = cams.open(one.payload)
+        tree: CamTree | None = cams.open(message.payload)
         if tree is None:
-            return one
+            return message
         for path, code in self._codes:
             tree = with_code(tree, path, code)
-        return replace(one, payload=cams.close(tree))
+        return replace(message, payload=cams.close(tree))

@@ -20,50 +20,50 @@ RECEPTION_RANGE_M = 400.0
 
 
 class OverheardMessages:
-    """All messages that listeners received from others within a distance, for a limited time.
+    """The messages of other stations within a distance of each listener, stored for a limited time.
 
-    The distance replaces reception, as the radio model runs only after all editors.
+    Distance approximates reception, because the radio model runs only after all editors.
     """
 
     def __init__(self, listeners: Sequence[int], range_m: float, memory_s: float) -> None:
         self._listeners, self._range_m = listeners, range_m
         self._memory_ns = round(memory_s * 1e9)
-        self._heard: dict[int, dict[int, list[Sent]]] = {listener: {} for listener in listeners}
+        self._stored: dict[int, dict[int, list[Sent]]] = {listener: {} for listener in listeners}
 
     def listen(self, step: V2xStep, sent: Sequence[Sent]) -> None:
         """Store the messages of a step, after the step, and forget old ones."""
-        near = _within(step.radios, self._listeners, self._range_m)
-        for one in sorted(sent, key=lambda one: (one.request_ns, one.number)):
-            for listener in near.get(one.station_id, ()):
-                self._heard[listener].setdefault(one.station_id, []).append(one)
+        near = _listeners_in_range(step.radios, self._listeners, self._range_m)
+        for message in sorted(sent, key=lambda message: (message.request_ns, message.number)):
+            for listener in near.get(message.station_id, ()):
+                self._stored[listener].setdefault(message.station_id, []).append(message)
         horizon_ns = step.begin_ns - self._memory_ns
-        for heard in self._heard.values():
-            for station in [station for station, log in heard.items() if log[0].request_ns < horizon_ns]:
-                log = heard[station]
+        for by_station in self._stored.values():
+            for station in [station for station, log in by_station.items() if log[0].request_ns < horizon_ns]:
+                log = by_station[station]
                 del log[: bisect_left(log, horizon_ns, key=_time)]
                 if not log:
-                    del heard[station]
+                    del by_station[station]
 
     def stations(self, listener: int, before_ns: int) -> list[int]:
         """The stations with a stored message before this time, ascending."""
         return sorted(
-            station for station, log in self._heard[listener].items() if log[0].request_ns < before_ns
+            station for station, log in self._stored[listener].items() if log[0].request_ns < before_ns
         )
 
     def last(self, listener: int, station: int, before_ns: int) -> Sent | None:
-        """A station's last stored message before this time."""
-        log = self._heard[listener].get(station, [])
+        """A station's last stored message before this time; None if there is none."""
+        log = self._stored[listener].get(station, [])
         place = bisect_left(log, before_ns, key=_time)
         return log[place - 1] if place else None
 
     def between(self, listener: int, station: int, from_ns: int, until_ns: int) -> list[Sent]:
         """A station's stored messages from one time to another, the latter excluded."""
-        log = self._heard[listener].get(station, [])
+        log = self._stored[listener].get(station, [])
         return log[bisect_left(log, from_ns, key=_time) : bisect_left(log, until_ns, key=_time)]
 
     def any_of(self, listener: int, rng: np.random.Generator) -> Sent | None:
-        """A random one of all stored messages, uniformly."""
-        logs = [log for _, log in sorted(self._heard[listener].items())]
+        """A uniformly random stored message; None if there is none."""
+        logs = [log for _, log in sorted(self._stored[listener].items())]
         ends = np.cumsum([len(log) for log in logs])
         if not logs:
             return None
@@ -84,11 +84,11 @@ def is_time_untrue(parameters: Mapping[str, Any]) -> bool:
     return bool(parameters["ahead_s"]) or not parameters.get("restamp", True)
 
 
-def _time(one: Sent) -> int:
-    return one.request_ns
+def _time(message: Sent) -> int:
+    return message.request_ns
 
 
-def _within(
+def _listeners_in_range(
     radios: Sequence[RadioPlace], listeners: Sequence[int], range_m: float
 ) -> dict[int, tuple[int, ...]]:
     """For each station on the road, the other listeners on the road within a distance."""

@@ -26,14 +26,14 @@ class _SamplingArea:
     """The area of random places: a rectangle of the map, or the bounding box of the first step's radios."""
 
     def __init__(self, attack: str, corners_m: Sequence[float | None] = ()) -> None:
-        given = [corner for corner in corners_m if corner is not None]
-        if given and len(given) < 4:
+        corners = [corner for corner in corners_m if corner is not None]
+        if corners and len(corners) < 4:
             raise UsageError(f"{attack}: give all of x_min_m, x_max_m, y_min_m and y_max_m, or none")
         self._x_m = self._y_m = 0.0, 0.0
-        self._is_set = bool(given)
-        if given:
-            self._x_m = checked_range(attack, "x_{}_m", given[0], given[1], -_FAR_M, _FAR_M)
-            self._y_m = checked_range(attack, "y_{}_m", given[2], given[3], -_FAR_M, _FAR_M)
+        self._is_set = bool(corners)
+        if corners:
+            self._x_m = checked_range(attack, "x_{}_m", corners[0], corners[1], -_FAR_M, _FAR_M)
+            self._y_m = checked_range(attack, "y_{}_m", corners[2], corners[3], -_FAR_M, _FAR_M)
 
     def set_from(self, step: V2xStep) -> None:
         """Set the area from the first step with radios, if it is not given."""
@@ -51,7 +51,7 @@ class _SamplingArea:
 
 
 class PositionConstant(PositionFalsification):
-    """Always claims the same place: x_m and y_m in the map's frame (VeReMi 1), or a place that each attacker
+    """Always claims the same position: x_m and y_m in the map's frame (VeReMi 1), or one that each attacker
     draws (F2MD 1) from the bounding box of all radios in the drive's first step, at least 200 m wide."""
 
     traits = V2xTraits(untrue=("position",), published=Published(veremi_2018=1, veremi_extension=1))
@@ -114,7 +114,8 @@ class PositionOffset(PositionFalsification):
                 checked_number(context.name, name, value, -_FAR_M, _FAR_M)
         draws = AttackDraws(context)
         drawn_m = {
-            one: tuple(draws.signed(one, least_m, most_m) for _ in range(2)) for one in context.attackers
+            attacker: tuple(draws.signed(attacker, least_m, most_m) for _ in range(2))
+            for attacker in context.attackers
         }
         if x_m is not None or y_m is not None:
             drawn_m = dict.fromkeys(drawn_m, (x_m or 0.0, y_m or 0.0))
@@ -138,7 +139,7 @@ class PositionOffset(PositionFalsification):
 
 
 class PositionRandom(PositionFalsification):
-    """A random place in each message (VeReMi 4, F2MD 3), uniform in a rectangle of the map.
+    """A random position in each message (VeReMi 4, F2MD 3), uniform in a rectangle of the map.
 
     x_min_m to y_max_m: the rectangle; by default the bounding box of all radios in the drive's first step, at
     least 200 m wide.

@@ -7,7 +7,7 @@ from advpipe.stages.attack.v2x.base import V2xAttack
 
 
 def _add_claims(add: Add[V2xAttack]) -> None:
-    """What attackers say of themselves."""
+    """Attacks that falsify the attackers' own claims."""
     from advpipe.stages.attack.v2x.acceleration import Acceleration, FeignedBraking
     from advpipe.stages.attack.v2x.dimensions import Dimensions
     from advpipe.stages.attack.v2x.heading import HeadingReversed, HeadingRotating
@@ -51,7 +51,7 @@ def _add_claims(add: Add[V2xAttack]) -> None:
 
 
 def _add_streams(add: Add[V2xAttack]) -> None:
-    """Old messages, others' names, too many, and ghosts."""
+    """Attacks on the message stream: replay, delay, drop, masquerade, flooding, Sybil, ghost vehicles."""
     from advpipe.stages.attack.v2x.delay import Delay, Stale
     from advpipe.stages.attack.v2x.drop import Drop
     from advpipe.stages.attack.v2x.flood import (
@@ -84,9 +84,9 @@ def _add_streams(add: Add[V2xAttack]) -> None:
     add("cam-ghost-brake", GhostBrake)
 
 
-def _fill(add: Add[V2xAttack]) -> None:
+def _add_all(add: Add[V2xAttack]) -> None:
     _add_claims(add)
     _add_streams(add)
 
 
-V2X_ATTACKS = FamilyRegistry[V2xAttack]("v2x", _fill)
+V2X_ATTACKS = FamilyRegistry[V2xAttack]("v2x", _add_all)

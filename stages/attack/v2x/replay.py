@@ -30,7 +30,7 @@ class _Replay(V2xAttack):
     """Replaces the attacker's messages by overheard ones.
 
     identity: whether they bear the attacker's "own" station id or "theirs". restamp: with the generation time
-    of the message that it replaces; otherwise the old one stays and reveals the age. ahead_s: how far the
+    of the message that it replaces; otherwise the old time stays and reveals the age. ahead_s: how far the
     generation time is moved into the future; LDMs that keep the newest CAM then ignore later genuine ones, up
     to their expiry.
     """
@@ -63,26 +63,26 @@ class _Replay(V2xAttack):
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         """Replays messages that were overheard in earlier steps."""
-        in_order = sorted(sent, key=lambda one: (one.request_ns, one.number))
-        edited = [self._replayed(one) if self.context.acts(one) else one for one in in_order]
+        in_order = sorted(sent, key=lambda message: (message.request_ns, message.number))
+        edited = [self._replayed(message) if self.context.acts(message) else message for message in in_order]
         self._overheard.listen(step, sent)
         return edited
 
-    def _replayed(self, one: Sent) -> Sent:
-        other = self._choose(one, self._rng(one.station_id))
+    def _replayed(self, message: Sent) -> Sent:
+        other = self._choose(message, self._rng(message.station_id))
         cams = self.context.cams
-        own = cams.open(one.payload)
+        own = cams.open(message.payload)
         tree = None if other is None else cams.open(other.payload)
         if own is None or tree is None:
-            return one
+            return message
         if self._identity == "own":
             tree = with_fields(tree, station_id=field_of(own, "station_id"))
         if self._restamp:
             tree = with_fields(tree, generation_delta_time_ms=field_of(own, "generation_delta_time_ms"))
-        return replace(one, payload=cams.close(with_later_time(tree, self._ahead_ns)))
+        return replace(message, payload=cams.close(with_later_time(tree, self._ahead_ns)))
 
     @abstractmethod
-    def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
+    def _choose(self, message: Sent, rng: np.random.Generator) -> Sent | None:
         """The message that is replayed in place of `one`."""
 
     def _rng(self, attacker: int) -> np.random.Generator:
@@ -116,7 +116,7 @@ class CamReplay(_Replay):
         ahead_s: float = 0.0,
     ) -> None:
         age_s = checked_number(context.name, "age_s", age_s, 0, 600)
-        # Even a station that sends once a second has sent a message within this time.
+        # Within this time, even a station with one message a second has sent one.
         super().__init__(
             context,
             identity=identity,
@@ -130,23 +130,23 @@ class CamReplay(_Replay):
         self._least, self._most = int(limits[0]), int(limits[1])
         self._followed: dict[int, tuple[int, int]] = {}
 
-    def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
-        before_ns = one.request_ns - self._age_ns
-        station, left = self._followed.get(one.station_id, (0, 0))
-        found = self._overheard.last(one.station_id, station, before_ns) if left else None
+    def _choose(self, message: Sent, rng: np.random.Generator) -> Sent | None:
+        before_ns = message.request_ns - self._age_ns
+        station, left = self._followed.get(message.station_id, (0, 0))
+        found = self._overheard.last(message.station_id, station, before_ns) if left else None
         if found is None:
-            stations = self._overheard.stations(one.station_id, before_ns)
+            stations = self._overheard.stations(message.station_id, before_ns)
             if not stations:
                 return None
             station = stations[int(rng.integers(len(stations)))]
             left = int(rng.integers(self._least, self._most + 1))
-            found = self._overheard.last(one.station_id, station, before_ns)
-        self._followed[one.station_id] = station, left - 1
+            found = self._overheard.last(message.station_id, station, before_ns)
+        self._followed[message.station_id] = station, left - 1
         return found
 
 
 class DisruptiveReplay(_Replay):
-    """Replays random messages of any station, heard in the last memory_s: F2MD's disruptive replay."""
+    """Replays random messages of any station, overheard in the last memory_s: F2MD's disruptive replay."""
 
     traits = V2xTraits(untrue=ALL_CLAIMS, published=Published(veremi_extension=10))
 
@@ -169,5 +169,5 @@ class DisruptiveReplay(_Replay):
             ahead_s=ahead_s,
         )
 
-    def _choose(self, one: Sent, rng: np.random.Generator) -> Sent | None:
-        return self._overheard.any_of(one.station_id, rng)
+    def _choose(self, message: Sent, rng: np.random.Generator) -> Sent | None:
+        return self._overheard.any_of(message.station_id, rng)

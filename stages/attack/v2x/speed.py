@@ -33,10 +33,10 @@ class SpeedConstant(Falsification):
         most_mps = checked_number(context.name, "max_mps", max_mps, 0, MAX_MPS)
         draws = AttackDraws(context)
         self._speeds_mps = {
-            one: float(draws.of(one).uniform(0, most_mps))
+            attacker: float(draws.of(attacker).uniform(0, most_mps))
             if speed_mps is None
             else checked_number(context.name, "speed_mps", speed_mps, 0, MAX_MPS)
-            for one in context.attackers
+            for attacker in context.attackers
         }
 
     def falsify(self, message: OwnMessage) -> Mapping[str, Any]:
@@ -64,10 +64,10 @@ class SpeedOffset(Falsification):
         ends_mps = checked_range(context.name, "{}_mps", min_mps, max_mps, 0, MAX_MPS)
         draws = AttackDraws(context)
         self._offsets_mps = {
-            one: draws.signed(one, *ends_mps)
+            attacker: draws.signed(attacker, *ends_mps)
             if offset_mps is None
             else checked_number(context.name, "offset_mps", offset_mps, -MAX_MPS, MAX_MPS)
-            for one in context.attackers
+            for attacker in context.attackers
         }
 
     @classmethod

@@ -38,7 +38,7 @@ class SybilGrid(GhostAttack):
     """Ghost vehicles on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, lanes 2 m apart.
 
     around: each "attacker", or the "victim", whose cells the attackers take in turns, so that no two ghost
-    vehicles share one. Cells nearest to the vehicle come first, ahead before behind, left before right.
+    vehicles share a cell. Cells nearest to the vehicle come first, ahead before behind, left before right.
     ghosts: per attacker. jitter_m: the largest random offset from the cell along each axis.
     """
 
@@ -71,7 +71,9 @@ class SybilGrid(GhostAttack):
             checked_number(name, "lane_m", lane_m, 0),
             checked_integer(name, "lanes", lanes, 1, 99),
         )
-        self._cells = {one: cells[nth % grids :: grids] for nth, one in enumerate(context.attackers)}
+        self._cells = {
+            attacker: cells[index % grids :: grids] for index, attacker in enumerate(context.attackers)
+        }
         self._companions: dict[int, list[OffsetMotion]] = {}
 
     @classmethod
@@ -163,8 +165,8 @@ class CrawlingGhosts(GhostsAhead):
 class SybilCongestion(CrawlingGhosts):
     """A traffic jam ahead of the target: rows of crawling ghost vehicles; see also `CrawlingGhosts`.
 
-    The first row's rears are `margin_m + headway_s * speed` ahead; rows are spacing_m apart, lanes lane_m,
-    the target's own in the middle.
+    The rears of the first row are `margin_m + headway_s * speed` ahead; rows are spacing_m apart and lanes
+    lane_m, with the target's lane in the middle.
     """
 
     traits = V2xTraits(
@@ -221,7 +223,7 @@ class SybilReplay(V2xAttack):
     """Ghost vehicles on the tracks of other stations, besides the attacker's own CAMs.
 
     Each replays, under its own station id, all CAMs that one station sent `age_s` ago, with generation times
-    moved by as much. After F2MD's replay Sybil, where the pseudonym changes with each followed station.
+    shifted by `age_s`. F2MD's replay Sybil, but there the pseudonym changes with each followed station.
     ghosts: at the same time, per attacker. range_m: within which others are overheard. When a station has
     nothing to replay for two seconds, a ghost vehicle of another station replaces its own.
     """

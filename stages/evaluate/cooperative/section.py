@@ -1,4 +1,4 @@
-"""The report's part on cooperative perception: what false poses do to what two vehicles see together."""
+"""The report's part on cooperative perception: two vehicles fuse clouds or detections by false poses."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ from advpipe.stages.evaluate.detection.scoring import CachedDetector, ground_tru
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection, Table
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 SHOWN_SCORE = 0.3
-"""Of the boxes in the picture."""
+"""The lowest score of the boxes in the picture."""
 KEY = "cooperative"
-"""Under which reports list the section's records."""
+"""The key under which `report.json` lists the section's records."""
 CRITERIA = ("strict", "loose")
 ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
 
@@ -52,20 +52,21 @@ FUSIONS: dict[str, See] = {
         cached.detect(frame.own.cloud), cached.detect(frame.other), pose
     ),
 }
-"""How the two are fused."""
+"""Ways to fuse both vehicles' perception."""
 
 FORMULAS = (
-    (
+    Formula(
         "cooperative",
-        "the shared cloud, or what the detector finds in it, is brought to the fusing vehicle's frame by "
-        "the poses that both report (their odometry); truth: objects around the fusing vehicle with at "
-        "least 5 points in both clouds together, aligned truly; boxes around the fusing vehicle itself do "
-        "not count; all at the same instants, while any bag's poses are false",
+        "the shared cloud, or the detections in it, are transformed to the fusing vehicle's frame by the "
+        "poses that both vehicles report (their odometry). Truth: objects around the fusing vehicle with at "
+        "least 5 points in both clouds together, aligned by true poses. Boxes around the fusing vehicle "
+        "itself do not count. All rows are of the same instants, while the poses of any bag are false",
+        ("ap_strict", "ap_loose", "objects", "frames"),
     ),
-    (
+    Formula(
         "misalignment",
-        "how far from each other, and turned by which angle, true and reported poses put the other's "
-        "sensor, the means",
+        "mean distance and mean angle between the other vehicle's sensor poses by true and by reported poses",
+        ("misalignment_m", "misalignment_deg"),
     ),
 )
 
@@ -79,10 +80,10 @@ def cooperative_sections(
     frames: FrameSlice = ALL_FRAMES,
     lidar_topic: str | None = None,
 ) -> tuple[ReportSection, ...]:
-    """One section where two vehicles with LiDARs share and the GPS of one was attacked; else none.
+    """One section where two vehicles with LiDARs share clouds and the GPS of one was attacked; else none.
 
-    frames: at which clouds of `lidar_topic` to fuse; at most `MOST_FRAMES` of them, equally spaced. `seed`
-    serves no draw here. Raises AdvpipeError for bags that do not tell the sensors' places.
+    frames: the clouds of `lidar_topic` at which to fuse; at most `MOST_FRAMES` of them, equally spaced.
+    `seed` is not used. Raises AdvpipeError for bags without the sensors' mounting poses.
     """
     reader = BagReader(clean)
     pair = find_pair(reader)
@@ -98,22 +99,24 @@ def cooperative_sections(
     if most_displaced is None:
         if frames == ALL_FRAMES:
             return ()
-        lead = f"No poses are false at the frames {frames}: nothing was fused. Choose later or more frames."
+        lead = f"No pose is false in the frames {frames}, so nothing was fused. Choose later or more frames."
         return (ReportSection(key=KEY, title=title, lead=lead),)
     names = pair.own.vehicle, pair.other.vehicle
     caption = (
-        f"{names[0]} with what {names[1]} shares, when the false pose is worst relative to their distance"
+        f"Perception of {names[0]}, fused with that of {names[1]}, when the pose error is largest relative "
+        "to their distance"
     )
     picture = to_png(draw_fused(most_displaced, *names))
     return (
         ReportSection(
             key=KEY,
             title=title,
-            lead=f"{names[0]} fuses what {names[1]} shares, while reported poses are false.",
+            lead=f"{names[0]} fuses its own perception with what {names[1]} shares, while poses are false.",
             tables=(_table(rows),),
             pictures=(ReportPicture(SECTION, "", "cooperative.png", caption, picture),),
             records=tuple(rows),
             formulas=FORMULAS,
+            terminal=(_overview(rows),),
         ),
     )
 
@@ -128,9 +131,10 @@ def cooperative_rows(
 ) -> tuple[list[CooperativeRecord], Fused | None]:
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
-    All of the same instants, from the first to the last at which any bag's poses are others than the clean
-    bag's, and of the clouds asked for, by default all. The second is what was fused when the smallest pose
-    error was greatest relative to the distance between the two, for a picture; None without instants.
+    All rows are of the same instants, from the first to the last at which the poses of any bag differ from
+    the clean bag's. asked: the clouds to choose from, by default all. The second value is the instant at
+    which the smallest pose error was largest relative to the distance between both vehicles, for a picture;
+    None without instants.
     """
     true = Alignment(reader, pair, true=True)
     reported = {
@@ -149,7 +153,6 @@ def cooperative_rows(
     greatest, most_displaced = -1.0, None
     count = len(range(chosen.start, chosen.stop or 0, chosen.step))
     for frame in track(shared_frames(reader, pair, chosen), "cooperative perception", count):
-        cached.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
         together = fuse_clouds(frame.own.cloud, frame.other, own_SE3_other)
         truth = ground_truth(frame.own, cached.classes, cached.range_m).counted_on(together)
@@ -201,20 +204,20 @@ def _row(
 
 
 def _in_range(cached: CachedDetector, found: Detections) -> Detections:
-    """What is fused may lie beyond what the detector is asked about."""
+    """The detections in the detector's range: fused ones may lie beyond it."""
     kept = np.flatnonzero(cached.range_m.contains_centres(found.boxes))
     return Detections(found.boxes[kept], found.scores[kept], found.labels[kept])
 
 
 def _moves(clean: BagReader, adversarial: BagReader, pair: Pair) -> bool:
-    """Whether the fixes of one of the two were attacked."""
+    """Whether the fixes of one of the two vehicles were attacked."""
     known = {*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)}
     vehicles = [topics.vehicle for topics in (pair.own, pair.other) if topics.vehicle in known]
     return any(len(attacked_fixes_ns(clean, adversarial, vehicle)) for vehicle in vehicles)
 
 
 def _table(rows: Sequence[CooperativeRecord]) -> Table:
-    heads = ("poses", "fused", "class", "boxes", "AP strict", "AP loose", "misaligned m", "turned °")
+    heads = ("poses", "fusion", "class", "boxes", "AP strict", "AP loose", "misaligned m", "misaligned °")
     lines = tuple(
         (
             row.poses,
@@ -228,4 +231,11 @@ def _table(rows: Sequence[CooperativeRecord]) -> Table:
         )
         for row in rows
     )
-    return Table("Average precision of what is fused", heads, lines)
+    return Table("Average precision after fusion", heads, lines)
+
+
+def _overview(rows: Sequence[CooperativeRecord]) -> Table:
+    """The main columns, for a terminal."""
+    heads = ("poses", "fusion", "class", "boxes", "AP strict", "AP loose", "misaligned m")
+    lines = tuple(line[: len(heads)] for line in _table(rows).lines)
+    return Table("Cooperative perception: average precision after fusion", heads, lines)

@@ -1,4 +1,4 @@
-"""Who was attacked when: fixes, messages and clouds of one adversarial bag, by the vehicle they mislead."""
+"""Which fixes, messages and clouds of one adversarial bag were attacked when, by the attacked vehicle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.provenance_record import RecordedAttack
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
-from advpipe.pipeline.core.bounded_parquet import Kind, batches, rows
+from advpipe.pipeline.core.bounded_parquet import ColumnType, batches, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS
 from advpipe.pipeline.labels.messages import read_labels
@@ -22,14 +22,14 @@ from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.v2x.recording import read_recording
 
-COLUMNS: dict[str, Kind] = {"topic": "text", "stamp_ns": "whole"}
+COLUMNS: dict[str, ColumnType] = {"topic": "text", "stamp_ns": "whole"}
 
 Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class AttackTimeline:
-    """What attacks of one kind did to one vehicle.
+    """The attacks of one family on one vehicle.
 
     attacks: their names. what: "fixes", "messages" or "clouds". times_ns: (N,) of each one, ascending, N > 0.
     """
@@ -43,7 +43,7 @@ class AttackTimeline:
 def read_attack_timelines(
     clean: BagReader, bag: Path, window: Window = WHOLE_DRIVE
 ) -> dict[str, tuple[AttackTimeline, ...]]:
-    """By vehicle, its attacks in a window; messages without a target attack all vehicles but their senders.
+    """The attacks on each vehicle in a window; a message attack without a target attacks all but the senders.
 
     bag: the adversarial bag's folder, or the file in it. Raises AdvpipeError for labels that cannot be read.
     """
@@ -62,12 +62,12 @@ def read_attack_timelines(
 
 
 def touched_points(bag: Path, vehicle: str) -> dict[int, int]:
-    """How many points were touched of each of a vehicle's clouds in the bag, by stamp; 0 where none was."""
+    """How many points of each of a vehicle's clouds in the bag were changed, by stamp; 0 where none was."""
     import pyarrow
 
     if not _beside(bag, FRAMES).exists():
         return {}
-    counts = {row["stamp_ns"]: 0 for row in _clouds_of(bag) if _vehicle(row["topic"]) == vehicle}
+    counts = {row["stamp_ns"]: 0 for row in _cloud_rows(bag) if _vehicle(row["topic"]) == vehicle}
     with _labels(bag, POINTS) as path:
         for batch in batches(path, COLUMNS):
             by_cloud = pyarrow.Table.from_batches([batch]).group_by(list(COLUMNS))
@@ -105,7 +105,7 @@ def _messages(
 def _clouds(bag: Path) -> Iterator[AttackTimeline]:
     if not _beside(bag, FRAMES).exists():
         return
-    attacked = [row for row in _clouds_of(bag) if row["attack"]]
+    attacked = [row for row in _cloud_rows(bag) if row["attack"]]
     for vehicle in sorted({_vehicle(row["topic"]) for row in attacked}):
         own = [row for row in attacked if _vehicle(row["topic"]) == vehicle]
         names = dict.fromkeys(row["attack"] for row in own)
@@ -114,7 +114,7 @@ def _clouds(bag: Path) -> Iterator[AttackTimeline]:
         )
 
 
-def _clouds_of(bag: Path) -> list[dict[str, Any]]:
+def _cloud_rows(bag: Path) -> list[dict[str, Any]]:
     with _labels(bag, FRAMES) as path:
         return list(rows(path, {**COLUMNS, "attack": "text"}))
 
@@ -126,7 +126,7 @@ def _labels(bag: Path, name: str) -> Iterator[Path]:
         yield path
     except AdvpipeError as error:
         reason = str(error).removeprefix(f"{path}: ")
-        raise AdvpipeError(f"{path} holds no labels of clouds: {reason}; attack again") from None
+        raise AdvpipeError(f"{path} holds no cloud labels: {reason}; attack again") from None
 
 
 def _vehicle(topic: str) -> str:

@@ -1,4 +1,4 @@
-"""What attacks of several kinds do to one vehicle over time, in the clean bag and in the attacked one."""
+"""The effects of attacks of several families on one vehicle over time, in the clean bag and the attacked."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Series:
         return Series(self.times_ns[inside], self.values[inside])
 
     def mean(self, from_ns: int, to_ns: int) -> float:
-        """From one time to another, both included; NaN where nothing is known."""
+        """The mean from one time to another, both included; NaN where there is no value."""
         chosen = self.values[(self.times_ns >= from_ns) & (self.times_ns <= to_ns)]
         return float(chosen.mean()) if len(chosen) else float("nan")
 
@@ -39,7 +39,7 @@ class Series:
 class Effect:
     """One measure of a vehicle.
 
-    key: in `report.json`. digits: to print of it. is_by_cloud: known of single clouds, nothing lies between.
+    key: in `report.json`. digits: printed after the point. is_by_cloud: known for single clouds only.
     """
 
     key: str
@@ -51,15 +51,15 @@ class Effect:
 
 
 def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DRIVE) -> Iterator[Effect]:
-    """Of its estimate, its map and its clouds in a window, those that both bags record."""
+    """The effects on a vehicle's position estimate, map and clouds in a window, if both bags record them."""
     reader, topics = BagReader(bag), VehicleTopics(vehicle)
     needed = {
-        _own_place: (topics.odometry.name, topics.true_odometry.name),
-        _map: (topics.ldm.name, V2X_STATIONS.name),
+        _position_error: (topics.odometry.name, topics.true_odometry.name),
+        _wrong_entries: (topics.ldm.name, V2X_STATIONS.name),
     }
     for measure, key, title, digits in (
-        (_own_place, "own_place_m", "takes itself to be off by [m]", 2),
-        (_map, "map_wrong", "wrong in its map: false, missing, displaced", 1),
+        (_position_error, "own_place_m", "error of the position estimate [m]", 2),
+        (_wrong_entries, "map_wrong", "wrong LDM entries: false, missing or displaced", 1),
     ):
         if all(name in one.topics for one in (clean, reader) for name in needed[measure]):
             before, after = (measure(one, vehicle, window).within(window) for one in (clean, reader))
@@ -67,10 +67,10 @@ def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DR
     if counts := touched_points(bag, vehicle):
         touched = _series(counts).within(window)
         none = Series(touched.times_ns, np.zeros(len(touched.values)))
-        yield Effect("points_touched", "points touched in a cloud", 0, none, touched, True)
+        yield Effect("points_touched", "points changed per cloud", 0, none, touched, True)
 
 
-def _own_place(reader: BagReader, vehicle: str, window: Window) -> Series:
+def _position_error(reader: BagReader, vehicle: str, window: Window) -> Series:
     topics = VehicleTopics(vehicle)
     true = poses(reader, topics.true_odometry.name, window.last_ns)
     reported = poses(reader, topics.odometry.name, window.last_ns)
@@ -79,7 +79,7 @@ def _own_place(reader: BagReader, vehicle: str, window: Window) -> Series:
     )
 
 
-def _map(reader: BagReader, vehicle: str, window: Window) -> Series:
+def _wrong_entries(reader: BagReader, vehicle: str, window: Window) -> Series:
     expiry_s = read_recording(reader, window.end_ns).expiry_s
     found = ldm_error(moments(reader, vehicle, expiry_s, window))
     return Series(found.time_ns, found.false_entries + found.missing + found.displaced)

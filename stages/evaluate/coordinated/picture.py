@@ -21,9 +21,9 @@ def draw_coordinated(
     together_ns: tuple[int, int] | None,
     start_ns: int,
 ) -> Figure:
-    """A stroke for each attacked fix, message and cloud, and the effects below; shaded: while all are active.
+    """A line for each attacked fix, message and cloud, and the effects below; shaded: all attacks are active.
 
-    together_ns: from when to when, None for never. start_ns: of the recording.
+    together_ns: first and last time of the shaded span, None for none. start_ns: of the recording.
     """
     from advpipe.pipeline.core.figure import Figure
 
@@ -60,5 +60,5 @@ def draw_coordinated(
         axes.set_ylim(bottom=0)
     if curves:
         curves[0].legend(fontsize=8, frameon=False, loc="upper left")
-    panels[-1].set_xlabel("time of the recording [s]; shaded: all strike", color=SOFT)
+    panels[-1].set_xlabel("time of the recording [s]; shaded: all attacks are active", color=SOFT)
     return figure

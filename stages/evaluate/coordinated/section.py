@@ -1,4 +1,4 @@
-"""The report's part on coordinated attacks: several kinds at once, on one vehicle, on one time axis."""
+"""The report's part on coordinated attacks: attacks of several families on one vehicle, on one time axis."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection, Table
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 FORMULAS = (
-    (
+    Formula(
         "together",
-        "from the first strike of the attack that begins last to the last strike of the one that ends first; "
-        "messages count when they are sent, and strike the vehicle that the attack aims at, or without one "
-        "all that listen",
+        "from the beginning of the attack that begins last to the end of the one that ends first. Messages "
+        "count when they are sent; a message attack without a target attacks all vehicles that receive "
+        "messages",
+        ("from_s", "to_s", "own_place_m", "map_wrong", "points_touched"),
     ),
 )
 
@@ -36,10 +37,10 @@ FORMULAS = (
 def coordinated_sections(
     clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
 ) -> tuple[ReportSection, ...]:
-    """One section on the vehicles that attacks of two kinds or three strike in one bag; else none.
+    """One section on the vehicles that attacks of two or three families attack in one bag; else none.
 
-    window: what timelines outside of it counts for nothing; bags of attacks that do not meet in it are named.
-    `seed` serves no draw here. Raises AdvpipeError for labels that cannot be read.
+    window: the part of the drive that is evaluated; bags whose attacks do not meet in it are named. `seed`
+    is not used. Raises AdvpipeError for labels that cannot be read.
     """
     del seed
     reader = BagReader(clean)
@@ -69,8 +70,9 @@ def coordinated_sections(
             png = to_png(draw_coordinated(timelines, found_effects, span_ns, start_ns))
             pictures.append(ReportPicture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
-    if window != WHOLE_DRIVE and (idle := [bag_name(bag) for bag in apart if _is_of_kinds(bag)]):
-        leads.append(f"{', '.join(idle)}: no vehicle is attacked in two ways in this window.")
+    names = [bag_name(bag) for bag in apart if _has_several_families(bag)]
+    if window != WHOLE_DRIVE and names:
+        leads.append(f"{', '.join(names)}: no vehicle is attacked in two ways in this window.")
     if not leads:
         return ()
     heads = ("bag", "vehicle", "attack", "attacked", "first s", "last s")
@@ -87,6 +89,7 @@ def coordinated_sections(
             pictures=tuple(pictures),
             records=tuple(records),
             formulas=FORMULAS,
+            terminal=_overview(lines, outcomes),
         ),
     )
 
@@ -98,7 +101,22 @@ def together(timelines: Sequence[AttackTimeline]) -> tuple[int, int] | None:
     return (begin_ns, end_ns) if begin_ns <= end_ns else None
 
 
-def _is_of_kinds(bag: Path) -> bool:
+def _overview(lines: Sequence[tuple[str, ...]], outcomes: Sequence[tuple[str, ...]]) -> tuple[Table, ...]:
+    """The main columns of both tables, for a terminal."""
+    times = Table(
+        "Coordinated attacks: what was attacked when",
+        ("attack", "attacked", "first s", "last s"),
+        tuple((f"{bag}: {attack} on {vehicle}", *cells) for bag, vehicle, attack, *cells in lines),
+    )
+    effects_of_all = Table(
+        "Means while all attacks are active",
+        ("effect", "clean", "attacked"),
+        tuple((f"{bag}: {vehicle}: {effect}", *cells) for bag, vehicle, effect, *cells in outcomes),
+    )
+    return tuple(table for table in (times, effects_of_all) if table.lines)
+
+
+def _has_several_families(bag: Path) -> bool:
     """Whether a bag was attacked in two ways or three: fixes, messages, clouds."""
     return len({one.family for one in BagReader(bag).provenance.fields.attacks}) > 1
 

@@ -1,4 +1,4 @@
-"""Every detection and every object of a frame, and what became of each."""
+"""Every detection and every object of a frame, and whether each was matched."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Column = npt.NDArray[np.generic]
 
 
 def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score: float) -> Iterator[MatchRow]:
-    """Each detection on the cloud `condition`, then each object; `min_score` is the working point."""
+    """Each detection under a condition, then each object; `min_score` is the working point."""
     cloud, truth = frame.all_clouds()[condition], frame.truth
     lost = lost_objects(truth, frame.clean, cloud, min_score)
     new = new_false_positives(frame.clean, cloud, min_score)

@@ -1,4 +1,4 @@
-"""Trajectories true, reported and estimated, and the error over time with the attack's spans shaded."""
+"""True, reported and estimated trajectories, and the error over time with the attacked spans shaded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ LEAST_HALF_M = 8.0
 def draw_localisation(
     clean: LocalisationTrack, adversarial: LocalisationTrack, attacked: Bool, of_what: str = "whole drive"
 ) -> Figure:
-    """attacked: (K,), the steps whose fix is false or missing. of_what: both tracks are."""
+    """Trajectories and errors of both tracks.
+
+    attacked: (K,), the steps whose fix is false or missing. of_what: the part of the drive that they cover.
+    """
     figure = Figure(figsize=(11.5, 6.6), dpi=110, facecolor="white", layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.2))
     whole, near = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
@@ -48,7 +51,7 @@ def draw_localisation(
 
 
 def spans(attacked: Bool) -> Iterator[tuple[int, int]]:
-    """First and last step of each run of attacked ones; steps between two fixes do not part a run of many.
+    """First and last step of each run of attacked ones; steps between two fixes do not interrupt a run.
 
     Runs are joined over gaps as long as the median distance of two attacked steps.
     """
@@ -75,15 +78,16 @@ def _draw_map(axes: Axes, clean: LocalisationTrack, adversarial: LocalisationTra
 
 
 def _zoom(whole: Axes, near: Axes, track: LocalisationTrack) -> None:
-    """Shows in the second map what is around the largest error, which is a hair's breadth in the first."""
+    """Show the surroundings of the largest error in the second map, and mark them in the first."""
     off_m = np.linalg.norm(track.error_m[:, :2], axis=1)
     worst = int(np.argmax(off_m))
     ends_m = np.array([track.true_m[worst, :2], track.estimate_m[worst, :2]])
     middle_m, half_m = ends_m.mean(axis=0), max(0.8 * off_m[worst], LEAST_HALF_M)
     near.plot(*ends_m.T, color=INK, linewidth=1, linestyle="dashed")
     near.annotate(
-        f"{off_m[worst]:.1f} m", middle_m, (6, 6), textcoords="offset points", fontsize=9, color=INK
-    )
+        f"{off_m[worst]:.1f} m", ends_m[1], (14, -16), textcoords="offset points", fontsize=9, color=INK,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
+    )  # fmt: skip
     near.set_xlim(middle_m[0] - 2 * half_m, middle_m[0] + 2 * half_m)
     near.set_ylim(middle_m[1] - half_m, middle_m[1] + half_m)
     near.set_aspect("equal", adjustable="box")
@@ -97,7 +101,7 @@ def _draw_error(
 ) -> None:
     for track, colour, label in ((adversarial, PREDICTION, "attacked"), (clean, INK, "clean")):
         axes.plot(time_s, np.linalg.norm(track.error_m[:, :2], axis=1), color=colour, label=label)
-    axes.plot(time_s, np.abs(adversarial.lateral_m), ":", color=PREDICTION, label="attacked, sideways")
+    axes.plot(time_s, np.abs(adversarial.lateral_m), ":", color=PREDICTION, label="attacked, lateral")
     axes.set(ylabel="error of the estimate [m]")
     axes.set_ylim(bottom=0)
 
@@ -105,7 +109,7 @@ def _draw_error(
 def _draw_innovation(
     axes: Axes, time_s: np.ndarray, clean: LocalisationTrack, adversarial: LocalisationTrack
 ) -> None:
-    differs = adversarial.nis != clean.nis  # the same ones are those of the clean bag
+    differs = adversarial.nis != clean.nis  # equal values are drawn for the clean bag only
     for track, colour, chosen in ((clean, INK, True), (adversarial, PREDICTION, differs)):
         known = np.isfinite(track.nis) & chosen
         axes.plot(time_s[known], np.maximum(track.nis[known], 1e-2), ".", color=colour, markersize=2.5)

@@ -26,30 +26,39 @@ from advpipe.stages.evaluate.localisation.plot import draw_localisation
 from advpipe.stages.evaluate.localisation.track import LocalisationTrack, attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection, Table
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 FORMULAS = (
-    (
+    Formula(
         "localisation_error",
-        "horizontal distance of the on-board estimate from the true place, from the first attacked fix to "
-        "the last; sideways: its part across the direction of travel",
+        "horizontal distance of the on-board estimate from the true position, from the first attacked fix to "
+        "the last; lateral: its component across the direction of travel",
+        ("clean_*_m", "adv_*_m"),
     ),
-    (
+    Formula(
         "ate",
-        "root mean square of estimate minus truth over the {of_what}, height included, without alignment",
+        "absolute trajectory error: root mean square of estimate minus truth over the {of_what}, height "
+        "included, without alignment",
+        ("ate_clean_m", "ate_m"),
     ),
-    (
+    Formula(
         "innovation_test",
         "a fix fails where residual' covariance^-1 residual is above chi-square's "
         f"{100 * GATE_PROBABILITY:g} % quantile with 3 degrees of freedom",
     ),
-    (
+    Formula(
         "detected",
-        "share of the attacked fixes that fail the test; stealth: that pass it; delay: from the first "
+        "share of the attacked fixes that fail the test; stealth: share that pass it; delay: from the first "
         "attacked fix to the first that fails; false alarms: share of the clean bag's fixes that fail; echo: "
-        "of genuine fixes after the first attacked one",
+        "share of genuine fixes after the first attacked one that fail",
+        ("detection_rate", "stealth_rate", "delay_s", "false_alarm_rate", "echo_rate"),
     ),
-    ("success", f"share of the attacked span in which the estimate is more than {LOST_M:g} m off"),
+    Formula(
+        "success",
+        f"share of the time from the first attacked fix to the last in which the estimate is more than "
+        f"{LOST_M:g} m off",
+        ("success_rate",),
+    ),
 )
 
 
@@ -58,8 +67,8 @@ def localisation_sections(
 ) -> tuple[ReportSection, ...]:
     """One section on all adversarial bags in which fixes were attacked; none where there are none.
 
-    window: its figures count; filters run from the beginning of the drive to its end. `seed` serves no
-    draw here. Raises AdvpipeError for bags from which a filter cannot be run again.
+    window: the part of the drive that is evaluated; filters run from the beginning of the drive to its end.
+    `seed` is not used. Raises AdvpipeError for bags from which a filter cannot be run again.
     """
     rows: list[LocalisationRecord] = []
     pictures: list[ReportPicture] = []
@@ -78,7 +87,10 @@ def localisation_sections(
             tables=(_error_table(rows, of_what), _detection_table(rows)),
             pictures=tuple(pictures),
             records=tuple(rows),
-            formulas=tuple((name, words.replace("{of_what}", of_what)) for name, words in FORMULAS),
+            formulas=tuple(
+                each._replace(meaning=each.meaning.replace("{of_what}", of_what)) for each in FORMULAS
+            ),
+            terminal=(_overview(rows),),
         ),
     )
 
@@ -97,10 +109,10 @@ def _compare(
         before, after = tracks[vehicle], read_track(BagReader(bag), vehicle, until_ns)
         if not np.array_equal(before.times_ns, after.times_ns):
             raise AdvpipeError(
-                f"{bag} holds other estimates of {vehicle} than {clean}; attack the whole drive, without "
-                "frames"
+                f"{bag} holds estimates of {vehicle} at other times than {clean}; attack the whole drive, "
+                "without frames"
             )
-        # Told by their estimates, so that a fix and its estimate lie on the same side of the window's ends.
+        # By the times of their estimates, so that a fix and its estimate are both in the window or neither.
         attacked_ns = before.times_ns[was_attacked(before, fixes_ns) & window.holds(before.times_ns)]
         before, after = before.within(window), after.within(window)
         if not len(before.times_ns):
@@ -108,20 +120,20 @@ def _compare(
         name = bag_name(bag)
         row = localisation_record(name, vehicle, before, after, attacked_ns)
         figure = draw_localisation(before, after, was_attacked(before, attacked_ns), of_what)
-        caption = f"{name}: {vehicle}, its way on the map, its error and its innovations over time"
+        caption = f"{name}: trajectory of {vehicle}, its localisation error and its innovations over time"
         yield row, ReportPicture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
 
 
 def _attacked_vehicles(
     clean: BagReader, adversarial: BagReader, last_ns: int | None
 ) -> Iterator[tuple[str, npt.NDArray[np.int64]]]:
-    """Those whose fixes were attacked, with the times of these.
+    """The vehicles whose fixes were attacked, with the times of these fixes.
 
-    With `last_ns`, also the victims of attacks that begin later, without any.
+    With `last_ns`, also the victims of attacks that begin later, without any times.
     """
-    told = adversarial.provenance.fields.attacks if last_ns is not None else ()
+    recorded = adversarial.provenance.fields.attacks if last_ns is not None else ()
     known = sorted({*vehicles_with_filter(clean)} & {*vehicles_with_filter(adversarial)})
-    victims = {one.victim or default_victim(known) for one in told if one.family == "gnss"}
+    victims = {one.victim or default_victim(known) for one in recorded if one.family == "gnss"}
     for vehicle in known:
         attacked_ns = attacked_fixes_ns(clean, adversarial, vehicle, last_ns)
         if len(attacked_ns) or vehicle in victims:
@@ -129,7 +141,7 @@ def _attacked_vehicles(
 
 
 def _error_table(rows: Sequence[LocalisationRecord], of_what: str) -> Table:
-    heads = ("bag", "vehicle", "fixes attacked", "lost", "mean m", "RMSE m", "max m")
+    heads = ("bag", "vehicle", "fixes attacked", "fixes lost", "mean m", "RMSE m", "max m")
     lines = []
     for row in rows:
         pairs = zip(
@@ -137,7 +149,7 @@ def _error_table(rows: Sequence[LocalisationRecord], of_what: str) -> Table:
             (row.adversarial.mean_m, row.adversarial.rmse_m, row.adversarial.max_m),
             strict=True,
         )
-        sideways = _pair(row.clean.lateral_mean_m, row.adversarial.lateral_mean_m)
+        lateral = _pair(row.clean.lateral_mean_m, row.adversarial.lateral_mean_m)
         lines.append(
             (
                 row.bag,
@@ -145,14 +157,14 @@ def _error_table(rows: Sequence[LocalisationRecord], of_what: str) -> Table:
                 f"{row.attacked} of {row.fixes}",
                 str(row.lost),
                 *(_pair(*pair) for pair in pairs),
-                sideways,
+                lateral,
                 _pair(row.clean.lateral_max_m, row.adversarial.lateral_max_m),
                 _pair(row.ate_clean_m, row.ate_m),
             )
         )
     title = "Error of the estimate while attacked (clean → attacked)"
     ate = f"ATE of the {of_what.removeprefix('whole ')} m"
-    return Table(title, (*heads, "sideways, mean m", "sideways, max m", ate), tuple(lines))
+    return Table(title, (*heads, "lateral, mean m", "lateral, max m", ate), tuple(lines))
 
 
 def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
@@ -171,6 +183,24 @@ def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
         for row in rows
     ]
     return Table("The innovation test", heads, tuple(lines))
+
+
+def _overview(rows: Sequence[LocalisationRecord]) -> Table:
+    """The main columns of both tables, for a terminal."""
+    heads = ("GNSS attack", "fixes attacked", "mean error m", "max error m", "detected %", "success %")
+    lines = tuple(
+        (
+            f"{row.bag}: {row.vehicle}",
+            f"{row.attacked} of {row.fixes}",
+            _pair(row.clean.mean_m, row.adversarial.mean_m),
+            _pair(row.clean.max_m, row.adversarial.max_m),
+            formatted_number(100 * row.detection_rate, 1),
+            formatted_number(100 * row.success_rate, 1),
+        )
+        for row in rows
+    )
+    title = f"Localisation: error while attacked, clean → attacked; success: more than {LOST_M:g} m off"
+    return Table(title, heads, lines)
 
 
 def _pair(clean: float, attacked: float) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord
-from advpipe.pipeline.results.row import ResultRow
+from advpipe.pipeline.results.row import FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.strata import STRATA
@@ -16,8 +16,10 @@ from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.numbers import (
     NOTHING,
     formatted_number,
-    interval,
+    formatted_ratio,
+    interval_cell,
     short_name,
+    shown_interval,
     with_interval,
 )
 from advpipe.stages.evaluate.report.scene import attack_title
@@ -56,21 +58,22 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
 
 def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
-        *("attack", f"{PLAIN_RANDOM} baseline", "baseline's ratio %", "95 %"),
+        *("attack", f"{PLAIN_RANDOM} baseline", "baseline's mAP ratio %", "95 %"),
         *("Δ to baseline, points", "95 %", "significant"),
     )
     lines = []
     for summary in summaries:
-        title = title_of(summary, summaries)
+        title, counts = title_of(summary, summaries), summary.result.counts
+        map_clean = summary.result.clean.means["strict"].map_r40
         for name, baseline in summary.result.baselines.items():
             lines.append(
                 (
                     title,
                     baseline_title(name),
-                    formatted_number(baseline.metrics.map_ratio_percent, 2),
-                    interval(baseline.metrics.map_ratio_ci95),
+                    formatted_ratio(baseline.metrics.map_ratio_percent, map_clean),
+                    interval_cell(baseline.metrics.map_ratio_ci95, counts),
                     formatted_number(baseline.map_ratio_delta_points, 2),
-                    interval(baseline.map_ratio_delta_points_ci95),
+                    interval_cell(baseline.map_ratio_delta_points_ci95, counts),
                     ANSWER[baseline.is_significant],
                 )
             )
@@ -118,6 +121,7 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
     )
     tables = []
     for summary in summaries:
+        counts = summary.result.counts
         found = {(each.condition, each.class_name, each.range): each for each in summary.success}
         names = [name for _, name, place in found if place == WHOLE and ("adv", name, place) in found]
         lines = []
@@ -127,9 +131,9 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
             lines.append(
                 (
                     "every class" if name == EVERY_CLASS else str(name),
-                    _strict_share(mine[0]),
-                    *(_share(each) for each in mine),
-                    _share(random),
+                    _strict_share(mine[0], counts),
+                    *(_share(each, counts) for each in mine),
+                    _share(random, counts),
                     formatted_number(mine[0].new_false_positives, 0),
                     formatted_number(random.new_false_positives if random else None, 0),
                 )
@@ -138,10 +142,10 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
     return ReportSection(
         "attack_success",
         "Attack success by class and range",
-        "Lost objects: those that the detector finds on the clean cloud and misses on the attacked one, in "
-        f"percent of those found, with a 95 % interval; with a score of at least {score}, and by the overlap "
-        f"that stands above the column ({OVERLAPS}). A new FP is a detection that finds nothing, where none "
-        "was before. The random draw, anywhere, is the weakest of the baselines.",
+        "Lost objects are those that the detector finds on the clean cloud and misses on the attacked one, "
+        f"in percent of those found, with a 95 % interval; with a score of at least {score}, and by the "
+        f"overlap in the column's head ({OVERLAPS}). A new FP is a false positive where the clean cloud has "
+        "none. The random draw, anywhere, is the weakest of the baselines.",
         tuple(tables),
         records=tuple(each for summary in summaries for each in summary.success),
     )
@@ -162,8 +166,8 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
     return ReportSection(
         "changes",
         "Changes of the clouds",
-        "Measured on the stored bags. Lengths are of the moved points, between the coordinates as stored; of "
-        "an added point, to the nearest point of the clean cloud.",
+        "Measured on the stored bags. Distances are those that points were moved, between the stored "
+        "coordinates; for an added point, the distance to the nearest point of the clean cloud.",
         tuple(tables),
     )
 
@@ -195,16 +199,17 @@ def recount_section(summaries: Sequence[Summary]) -> ReportSection:
         attacked, recounted = summary.result.attacked, summary.result.recounted
         if attacked is None or recounted is None:
             continue
+        map_clean = summary.result.clean.means["strict"].map_r40
         lines.append(
             (
                 title_of(summary, summaries),
                 formatted_number(summary.result.counts.objects, 0),
-                formatted_number(attacked.map_ratio_percent, 2),
+                formatted_ratio(attacked.map_ratio_percent, map_clean),
                 formatted_number(attacked.lost_objects, 0),
                 formatted_number(attacked.attack_success_percent, 1),
                 formatted_number(recounted.objects_recounted, 0),
-                formatted_number(recounted.map_ratio_percent_recounted, 2),
-                interval(recounted.map_ratio_recounted_ci95),
+                formatted_ratio(recounted.map_ratio_percent_recounted, map_clean),
+                interval_cell(recounted.map_ratio_recounted_ci95, summary.result.counts),
                 formatted_number(recounted.lost_objects_recounted, 0),
                 formatted_number(recounted.attack_success_percent_recounted, 1),
             )
@@ -212,30 +217,31 @@ def recount_section(summaries: Sequence[Summary]) -> ReportSection:
     return ReportSection(
         "recount",
         "If the objects were counted on the attacked clouds",
-        "The objects of the clean clouds are what counts everywhere else. Recounted, those with too few "
-        "points left are no objects to find, and others may have become some. The mAP ratio is at strict "
-        "overlap; lost, and success, its share of those found, at loose overlap and the working score.",
+        "All other tables count the objects of the clean clouds. Recounted, objects with too few points left "
+        "no longer count, and others may count instead. The mAP ratio is at strict overlap; lost objects, "
+        "and attack success, their share of the objects found, are at loose overlap and the working score.",
         (Table("", heads, tuple(lines)),),
     )
 
 
 def defences_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
-        "attack", "defence", "mAP clean", "kept %", "mAP attacked", "ratio %", "95 %", "of clean without %",
+        "attack", "defence", "mAP clean", "kept %", "mAP attacked", "ratio %", "95 %", "% of clean",
     )  # fmt: skip
     lines = []
     for summary in summaries:
-        clean, attacked = summary.result.clean, summary.result.attacked
+        clean, attacked = summary.result.clean.means["strict"].map_r40, summary.result.attacked
+        counts = summary.result.counts
         lines.append(
             (
                 title_of(summary, summaries),
                 "none",
-                formatted_number(clean.means["strict"].map_r40, 3),
-                formatted_number(100.0, 1),
+                formatted_number(clean, 3),
+                formatted_ratio(100.0, clean, 1),
                 formatted_number(attacked and attacked.map_adv, 3),
-                formatted_number(attacked and attacked.map_ratio_percent, 2),
-                interval(attacked and attacked.map_ratio_ci95),
-                formatted_number(attacked and attacked.map_ratio_percent, 2),
+                formatted_ratio(attacked and attacked.map_ratio_percent, clean),
+                interval_cell(attacked.map_ratio_ci95, counts) if attacked else NOTHING,
+                formatted_ratio(attacked and attacked.map_ratio_percent, clean),
             )
         )
         for each in summary.defended:
@@ -244,11 +250,11 @@ def defences_section(summaries: Sequence[Summary]) -> ReportSection:
                     "",
                     each.defence,
                     formatted_number(each.map_clean, 3),
-                    formatted_number(each.clean_map_kept_percent, 1),
+                    formatted_ratio(each.clean_map_kept_percent, clean, 1),
                     formatted_number(each.attacked and each.attacked.map_adv, 3),
-                    formatted_number(each.attacked and each.attacked.map_ratio_percent, 2),
-                    interval(each.attacked and each.attacked.map_ratio_ci95),
-                    formatted_number(each.attacked and each.attacked.map_adv_percent, 2),
+                    formatted_ratio(each.attacked and each.attacked.map_ratio_percent, each.map_clean),
+                    interval_cell(each.attacked.map_ratio_ci95, counts) if each.attacked else NOTHING,
+                    formatted_ratio(each.attacked and each.attacked.map_adv_percent, clean),
                 )
             )
     return ReportSection(
@@ -256,24 +262,27 @@ def defences_section(summaries: Sequence[Summary]) -> ReportSection:
         "Under defences",
         "Each defence changes every cloud, clean and attacked, before the detector sees it; no attack "
         "takes it into account. Kept: mAP on clean clouds under the defence, in percent of the mAP without "
-        "it. Ratio: attacked to clean, both under the defence.",
+        "it. Ratio: mAP on attacked clouds in percent of that on clean clouds, both under the defence. Last "
+        "column: mAP on attacked clouds under the defence, in percent of that on clean clouds without it.",
         (Table("", heads, tuple(lines)),),
         records=tuple(each for summary in summaries for each in summary.defended),
     )
 
 
-def _share(record: SuccessRecord | None) -> str:
+def _share(record: SuccessRecord | None, counts: FrameCounts) -> str:
     """The share of found objects that are lost at loose overlap."""
     if record is None or not record.found_clean:
         return NOTHING
-    percent = with_interval(record.attack_success_percent, record.attack_success_ci95, 0)
+    bounds = shown_interval(record.attack_success_ci95, counts)
+    percent = with_interval(record.attack_success_percent, bounds, 0)
     return f"{percent} % ({formatted_number(record.lost, 0)} of {formatted_number(record.found_clean, 0)})"
 
 
-def _strict_share(record: SuccessRecord) -> str:
+def _strict_share(record: SuccessRecord, counts: FrameCounts) -> str:
     """The share of found objects that are lost at strict overlap."""
     if not record.strict_found_clean:
         return NOTHING
-    percent = with_interval(record.strict_attack_success_percent, record.strict_attack_success_ci95, 0)
+    bounds = shown_interval(record.strict_attack_success_ci95, counts)
+    percent = with_interval(record.strict_attack_success_percent, bounds, 0)
     lost, found = (formatted_number(count, 0) for count in (record.strict_lost, record.strict_found_clean))
     return f"{percent} % ({lost} of {found})"

@@ -1,4 +1,4 @@
-"""Bird's-eye pictures: a frame before and after the attack, and a lost object from near.
+"""Bird's-eye pictures: a frame before and after the attack, and a close-up of a lost object.
 
 Forward is up. Truth in blue and predictions in red, as in the paper's figures; lost objects are
 marked in orange.
@@ -36,7 +36,7 @@ WIDTH_IN, HEAD_IN, FOOT_IN, CLEAN_IN = 15.0, 0.85, 0.55, 8.0
 
 
 def draw_scene(scene: ReportScene) -> Figure:
-    """A frame as a figure: before, after, and beside them one lost object from near.
+    """A frame as a figure: before, after, and beside them a close-up of one lost object.
 
     A frame of a clean bag alone is one square panel.
     """
@@ -66,7 +66,7 @@ def draw_scene(scene: ReportScene) -> Figure:
     for row, (label, view) in enumerate(views if focus is not None else []):
         axes = figure.add_subplot(grid[row, -1])
         draw_view(axes, scene, view, focus or limits, point_area=4.0, rings=False)
-        axes.set_title(f"{label}, from near", loc="left", fontsize=11, color=INK, pad=6)
+        axes.set_title(f"{label}, close-up", loc="left", fontsize=11, color=INK, pad=6)
     figure.text(0.012, 1 - 0.18 / total, scene.title, va="top", fontsize=14, fontweight="bold", color=INK)
     figure.legend(
         handles=legend(scene), loc="lower center", ncols=7, frameon=False, fontsize=10, labelcolor=INK,

@@ -1,17 +1,24 @@
-"""How well the detector sees on the clean clouds: tables for the page and for the terminal."""
+"""The detector's results on the clean clouds, as tables for the page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from advpipe.pipeline.results.metrics import Interval
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE, Precision
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import formatted_number, interval
+from advpipe.stages.evaluate.report.numbers import (
+    MIN_BLOCKS,
+    formatted_number,
+    interval,
+    no_interval,
+    shown_interval,
+)
 from advpipe.stages.evaluate.report.section import Table
 
-UNITS = {"range": "", "points": " points", "occlusion": " hidden"}
+UNITS = {"range": "", "points": " points", "occlusion": " occluded"}
 
 
 def class_table(summary: Summary) -> Table:
@@ -27,7 +34,7 @@ def class_table(summary: Summary) -> Table:
         for criterion in CRITERIA:
             each = precisions[name, criterion]
             line += [
-                formatted_number(each.ap_r40, 3) + _in_brackets(each.ap_r40_ci95),
+                formatted_number(each.ap_r40, 3) + _in_brackets(each.ap_r40_ci95, summary),
                 formatted_number(each.ap_r11, 3),
             ]
         lines.append(tuple(line))
@@ -59,11 +66,13 @@ def lead(summary: Summary) -> str:
     """The mAP in a sentence, with the car alone beside it."""
     clean, counts = summary.result.clean, summary.result.counts
     mean, found = clean.means["strict"], clean.precisions
-    text = f"mAP {formatted_number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95)}"
+    text = f"mAP {formatted_number(mean.map_r40, 3)}{_in_brackets(mean.map_r40_ci95, summary)}"
     text += f" over {', '.join(counts.classes_in_map)}"
     if ("strict", "car") in found.ap:
         text += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
-        text += _in_brackets(found.strict_ci95["car"])
+        text += _in_brackets(found.strict_ci95["car"], summary)
+    if counts.blocks < MIN_BLOCKS:
+        text += f"; {no_interval(counts)}"
     return text + f". Strict 3D, R40, {counts.frames} frames."
 
 
@@ -86,7 +95,7 @@ def _map_line(summary: Summary) -> tuple[str, ...]:
     for criterion in CRITERIA:
         mean = summary.result.clean.means[criterion]
         line += [
-            formatted_number(mean.map_r40, 3) + _in_brackets(mean.map_r40_ci95),
+            formatted_number(mean.map_r40, 3) + _in_brackets(mean.map_r40_ci95, summary),
             formatted_number(mean.map_r11, 3),
         ]
     return tuple(line)
@@ -96,5 +105,6 @@ def _cell(each: Precision) -> str:
     return f"{formatted_number(each.ap_r40, 3)} ({each.boxes:,})" if each.boxes else formatted_number(None, 3)
 
 
-def _in_brackets(bounds: object) -> str:
-    return f" ({interval(bounds, 3)})" if isinstance(bounds, tuple) else ""
+def _in_brackets(bounds: Interval, summary: Summary) -> str:
+    shown = shown_interval(bounds, summary.result.counts)
+    return f" ({interval(shown, 3)})" if shown else ""

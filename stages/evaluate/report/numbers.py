@@ -1,15 +1,31 @@
-"""Figures as people read them."""
+"""Values as people read them."""
 
 from __future__ import annotations
 
+from advpipe.pipeline.results.metrics import Interval
+from advpipe.pipeline.results.row import FrameCounts
+
 NOTHING = "–"
+
+UNDEFINED_RATIO = "undefined: nothing found on the clean bag"
+"""Stands for a ratio to a clean mAP of 0."""
+
+NO_INTERVAL = "no interval"
+
+MIN_BLOCKS = 6
+"""With fewer blocks of frames, tables show no interval: it would be too narrow."""
 
 
 def formatted_number(value: object, digits: int, suffix: str = "") -> str:
-    """A figure with so many digits after the point; a dash for one that is undefined."""
+    """A number with so many digits after the point; a dash for one that is undefined."""
     if not isinstance(value, float | int) or value != value:
         return NOTHING
     return f"{value:,.{digits}f}{suffix}"
+
+
+def formatted_ratio(percent: object, map_clean: object, digits: int = 2) -> str:
+    """A ratio to `map_clean` in percent; in words where that is 0, so that the ratio is undefined."""
+    return UNDEFINED_RATIO if map_clean == 0 else formatted_number(percent, digits)
 
 
 def interval(value: object, digits: int = 1) -> str:
@@ -18,9 +34,26 @@ def interval(value: object, digits: int = 1) -> str:
 
 
 def with_interval(value: object, bounds: object, digits: int = 1) -> str:
-    """Such as `46.2 (40.1…52.3)`; the figure alone where there is no interval."""
+    """Such as `46.2 (40.1…52.3)`; the number alone where there is no interval."""
     text = formatted_number(value, digits)
     return f"{text} ({interval(bounds, digits)})" if isinstance(bounds, tuple) else text
+
+
+def shown_interval(bounds: Interval, counts: FrameCounts) -> Interval:
+    """The interval that tables show; None where the frames fill fewer than `MIN_BLOCKS` blocks."""
+    return bounds if counts.blocks >= MIN_BLOCKS else None
+
+
+def interval_cell(bounds: Interval, counts: FrameCounts, digits: int = 1) -> str:
+    """Such as `40.1…52.3`; where tables show none, `no interval: 20 frames`."""
+    if counts.blocks < MIN_BLOCKS:
+        return no_interval(counts)
+    return interval(bounds, digits)
+
+
+def no_interval(counts: FrameCounts) -> str:
+    """What stands in place of intervals where the frames fill too few blocks for one."""
+    return f"{NO_INTERVAL}: {counts.frames} frame{'' if counts.frames == 1 else 's'}"
 
 
 def short_name(detector: object) -> str:

@@ -1,16 +1,21 @@
-"""Pages of HTML, in which text from others is text alone: no HTML, and nothing that a terminal would obey."""
+"""HTML pages, in which text from others is escaped: neither HTML nor control characters get through."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup, escape
 
 from advpipe.pipeline.core.text import escape_unprintable
 
 
 def rendered(template: str, **values: Any) -> str:
-    """The page that a Jinja template makes of the values; texts that are no HTML yet are escaped."""
+    """The page that a Jinja template makes of the values; text that is not HTML yet is escaped.
+
+    The filter `prose` shows what stands between backticks as code.
+    """
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
@@ -18,7 +23,13 @@ def rendered(template: str, **values: Any) -> str:
         lstrip_blocks=True,
         finalize=_without_controls,
     )
+    environment.filters["prose"] = _with_code
     return environment.from_string(template).render(**values)
+
+
+def _with_code(text: str) -> Markup:
+    escaped = str(escape(escape_unprintable(text)))
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", escaped))
 
 
 def _without_controls(value: Any) -> Any:

@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.report.numbers import short_name
+from advpipe.stages.evaluate.report.numbers import short_name, shown_interval
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
 from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 
 
 def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
-    """One line an attack: red the attack, grey the strongest plain random baseline of equal budget."""
+    """A line for each attack: the attack in red, the strongest plain random baseline in grey."""
     seen = {row.detector for row in rows}
     titles = [
         attack_title(row.attack) + (f", seen by {short_name(row.detector)}" if len(seen) > 1 else "")
@@ -28,10 +28,11 @@ def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
     axes.axvline(100, color="#c9d1da", linewidth=1, zorder=1)
     for line, row in enumerate(rows):
         if strongest := row.strongest_baseline:
-            _draw_ratio(axes, row.metrics_of(strongest), line + 0.17, BASELINE)
-        _draw_ratio(axes, row.attacked, line - 0.17, PREDICTION)
+            _draw_ratio(axes, row, row.metrics_of(strongest), line + 0.17, BASELINE)
+        _draw_ratio(axes, row, row.attacked, line - 0.17, PREDICTION)
     axes.set_yticks(range(len(rows)), titles, color=INK)
     axes.set_ylim(len(rows) - 0.45, -0.55)
+    axes.margins(x=0.1)
     axes.set_xlim(left=0)
     axes.set_xlabel(
         "mAP ratio in % of the clean mAP, with its 95 % interval: lower is a stronger attack", color=INK
@@ -48,14 +49,16 @@ def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
     return figure
 
 
-def _draw_ratio(axes: Axes, metrics: CloudMetrics | None, height: float, colour: str) -> None:
+def _draw_ratio(axes: Axes, row: ResultRow, metrics: CloudMetrics | None, height: float, colour: str) -> None:
+    """A dot with its interval and, to the right of both, its value."""
     if metrics is None or math.isnan(metrics.map_ratio_percent):
         return
-    ratio, interval = metrics.map_ratio_percent, metrics.map_ratio_ci95
-    if interval is not None:
-        axes.plot(interval, [height, height], color=colour, linewidth=2, solid_capstyle="round", zorder=2)
-    axes.plot([ratio], [height], "o", color=colour, markersize=7, zorder=3)
+    ratio, bounds = metrics.map_ratio_percent, shown_interval(metrics.map_ratio_ci95, row.counts)
+    if bounds is not None:
+        axes.plot(bounds, [height, height], color=colour, linewidth=2, solid_capstyle="round", zorder=2)
+    axes.plot([ratio], [height], "o", color=colour, markersize=7, zorder=3, clip_on=False)
     axes.annotate(
-        f"{ratio:.1f} %", (ratio, height), xytext=(0, 6), textcoords="offset points", ha="center",
-        fontsize=8, color=colour,
+        f"{ratio:.1f} %", (max([ratio, *(bounds or ())]), height), xytext=(7, 0), textcoords="offset points",
+        ha="left", va="center", fontsize=8, color=colour, annotation_clip=False,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The report of an evaluation: its figures, what they mean, and what every family adds."""
+"""The report of an evaluation: its values, what they mean, and what every family of attacks adds."""
 
 from __future__ import annotations
 
@@ -12,64 +12,126 @@ from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.section import ReportSection
+from advpipe.stages.evaluate.report.numbers import UNDEFINED_RATIO, formatted_number
+from advpipe.stages.evaluate.report.section import Formula, ReportSection
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 
 T = TypeVar("T", bound=Listed)
 
-FORMULAS: Mapping[str, str] = {
-    "ap": "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
-    "precision at r in {0, 0.1, ..., 1} instead",
-    "map": "mAP = mean AP over the classes with at least 50 evaluated boxes in the scored clean frames",
-    "map_ratio": "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
-    "iou": "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
-    "ignored": "no object counts with fewer than 5 points in the clean cloud or with its centre out of the "
-    "detector's range in the plane, and no detection that finds one, nor one out of that range",
-    "strata": "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the "
-    "recorded occlusion: objects of other strata and their detections are ignored; a false positive "
-    "counts in the stratum of its own range and points, and in every stratum of occlusion",
-    "kitti_difficulty": "KITTI's easy, moderate and hard are defined in a camera's image (height of the box "
-    "in pixels, truncation), which there is none of here: AP by range, points and occlusion is given instead",
-    "chamfer": "CD(P, Q) = mean over p of min |p - q|^2 + mean over q of min |q - p|^2, in m^2; "
-    "the mean over frames",
-    "interval": "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "
-    "clean, adversarial and baseline clouds",
-    "baseline": "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
-    "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, every "
-    "point by the attack's bound; best try: of as many tries as the attack's query budget (or as stated) the "
-    "one that hides most, chosen for each object by the detector's own result, and put together. "
-    + RANDOM_BEST,
-    "significant_vs_random": "the 95 % interval of the paired difference of mAP ratios to every plain random "
-    "baseline that is scored beside the attack lies below 0; recipe random-best, which is stronger, is not "
-    "compared",
-    "attack_success": "100 % * objects lost / objects found on the clean clouds; at loose overlap, and "
-    "beside it as strict_... at strict overlap, both with a score of at least the working_score",
-    "white_box": WHITE_BOX,
-    "recounted": "the objects that have at least 5 points in the attacked cloud instead of the clean one",
-    "defence": "under a defence, clean and attacked clouds are changed before the detector sees them, by the "
-    "same draws; objects are those of the clean clouds as recorded, and boxes come back to their frame",
-    "lost": "lost objects are found on the clean cloud and missed on the other, at loose IoU and at least "
-    "the working_score (the best F1 on the clean clouds)",
-}
-"""What the figures mean, as every report explains them."""
+DEFINITIONS = (
+    Formula(
+        "ap",
+        "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
+        "precision at r in {0, 0.1, ..., 1} instead",
+        ("ap_*_clean", "ap_*_adv", "ap_r40", "ap_r11"),
+    ),
+    Formula(
+        "map",
+        "mAP = mean AP over the classes with at least 50 evaluated boxes in the scored clean frames",
+        ("map_clean", "map_adv", "classes_in_map"),
+    ),
+    Formula(
+        "map_ratio",
+        "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
+        ("map_ratio_percent", "map_loose_ratio_percent"),
+    ),
+    Formula(
+        "iou",
+        "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
+    ),
+    Formula(
+        "ignored",
+        "no object counts with fewer than 5 points in the clean cloud or with its centre out of the "
+        "detector's range in the plane, and no detection that finds one, nor one out of that range",
+    ),
+    Formula(
+        "strata",
+        "by range (of the centre, in the plane), by LiDAR points in the clean cloud and by the "
+        "recorded occlusion: objects of other strata and their detections are ignored; a false positive "
+        "counts in the stratum of its own range and points, and in every stratum of occlusion",
+        ("by", "stratum"),
+    ),
+    Formula(
+        "kitti_difficulty",
+        "KITTI's levels easy, moderate and hard are defined in a camera's image (height of the box "
+        "in pixels, truncation), which is missing here: AP is given by range, points and occlusion instead",
+    ),
+    Formula(
+        "chamfer",
+        "CD(P, Q) = mean over p of min |p - q|^2 + mean over q of min |q - p|^2, in m^2; "
+        "the mean over frames",
+        ("chamfer_distance_m2",),
+    ),
+    Formula(
+        "interval",
+        "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "
+        "clean, adversarial and baseline clouds",
+        ("*_ci95", "blocks"),
+    ),
+    Formula(
+        "baseline",
+        "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
+        "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, "
+        "every point by the attack's bound; best try: of as many tries as the attack's query budget (or as "
+        "stated) the one that hides most, chosen for each object by the detector's own result, and put "
+        "together. " + RANDOM_BEST,
+        ("baselines", "baseline_*", "baseline_near_*", "baseline_full_*", "baseline_tries"),
+    ),
+    Formula(
+        "significant_vs_random",
+        "the 95 % interval of the paired difference of mAP ratios to every plain random baseline that is "
+        "scored beside the attack lies below 0; recipe random-best, which is stronger, is not compared",
+        ("significant_vs_random", "map_ratio_delta_points_vs_*"),
+    ),
+    Formula(
+        "attack_success",
+        "100 % * objects lost / objects found on the clean clouds; at loose overlap, and "
+        "beside it as strict_... at strict overlap, both with a score of at least the working_score",
+        ("attack_success_percent", "strict_attack_success_percent"),
+    ),
+    Formula("white_box", WHITE_BOX, ("is_white_box", "attacked_against")),
+    Formula(
+        "recounted",
+        "the objects that have at least 5 points in the attacked cloud instead of the clean one",
+        ("*_recounted",),
+    ),
+    Formula(
+        "defence",
+        "under a defence, clean and attacked clouds are changed before the detector sees them, by the "
+        "same draws; objects are those of the clean clouds as recorded, and boxes are transformed back to "
+        "their frame",
+        ("defence", "clean_map_kept_percent", "map_adv_percent"),
+    ),
+    Formula(
+        "lost",
+        "lost objects are found on the clean cloud and missed on the other, at loose IoU and at least "
+        "the working_score (the best F1 on the clean clouds)",
+        ("lost_objects", "working_score"),
+    ),
+)
+"""What the values of detection mean."""
+
+FORMULAS: Mapping[str, str] = {each.name: each.meaning for each in DEFINITIONS}
+"""The meanings by name, as every report explains them."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Report(Evaluation):
     """An evaluation as people read it.
 
-    sections: what every family adds: tables, pictures and records. folder: where report.html and report.json
-    lie; None before they are written.
+    sections: tables, pictures and records that families of attacks add. folder: the one with report.html and
+    report.json; None before they are written.
     """
 
     sections: tuple[ReportSection, ...] = ()
     folder: Path | None = None
 
     def __str__(self) -> str:
-        """Where it lies, and the mAP ratio of each adversarial bag and detector."""
+        """The report's folder, and the mAP ratio of each adversarial bag and detector."""
         ratios = [
             f"{row.bag} {formatted_number(row.attacked.map_ratio_percent, 2)} % of the clean mAP"
+            if row.clean.means["strict"].map_r40
+            else f"{row.bag} mAP ratio {UNDEFINED_RATIO}"
             for row in self.results
             if row.attacked
         ]
@@ -95,7 +157,7 @@ def report_of(
     warnings: Sequence[str],
 ) -> Report:
     """The report of scored comparisons; the formulas of sections join the others."""
-    of_sections = {name: text for section in sections for name, text in section.formulas}
+    of_sections = {each.name: each.meaning for section in sections for each in section.formulas}
     return Report(
         results=tuple(summary.result for summary in summaries),
         origin=origin,

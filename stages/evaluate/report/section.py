@@ -1,11 +1,10 @@
-"""What a report is built of: each family of attacks contributes sections of tables, pictures and records."""
+"""The parts of a report: each family of attacks contributes sections of tables, pictures and records."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 from advpipe.pipeline.results.listed import Listed
 
@@ -13,13 +12,23 @@ OVERVIEW, CLEAN, ATTACK, SECTION = "overview", "clean", "attack", "section"
 """The parts of a report that pictures are in."""
 
 
+class Formula(NamedTuple):
+    """The meaning of some values of a report. keys: those that have them in `report.json`; `*` stands for a
+    class, a criterion or a baseline."""
+
+    name: str
+    meaning: str
+    keys: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Table:
-    """A table of words: a title, column heads, and lines of as many cells."""
+    """A table of text: a title, column heads, lines of as many cells, and what the columns mean."""
 
     title: str
     heads: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,8 +54,9 @@ class ReportPicture:
 class ReportSection:
     """A part of a report that stands by itself.
 
-    key: under which `report.json` lists the records, and no other section has. lead: what the tables show,
-    in a sentence or two. records: one a line of `report.json`. formulas: what its figures mean.
+    key: under which `report.json` lists the records, unique in a report. lead: what the tables show, in a
+    sentence or two. terminal: the main values, in tables for 80 characters. records: one for each line in
+    `report.json`. formulas: what the values mean.
     """
 
     key: str
@@ -56,8 +66,5 @@ class ReportSection:
     pictures: tuple[ReportPicture, ...] = ()
     records: tuple[Listed, ...] = ()
     notes: tuple[str, ...] = ()
-    formulas: tuple[tuple[str, str], ...] = ()
-
-
-Family = Callable[[Path, Sequence[Path], int], Sequence[ReportSection]]
-"""What a family of attacks adds to a report: of a clean bag and adversarial ones, with the seed of draws."""
+    formulas: tuple[Formula, ...] = ()
+    terminal: tuple[Table, ...] = ()

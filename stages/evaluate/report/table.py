@@ -1,24 +1,26 @@
-"""The table of a report: for the terminal, and its cells for the page."""
+"""The lines of a report's tables of detection, and the notes below them."""
 
 from __future__ import annotations
 
-from typing import Literal
-
-from rich import box
-from rich.table import Table
-
-from advpipe.pipeline.core.streams import plain_console
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
-from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number, interval, short_name
+from advpipe.stages.evaluate.report.numbers import (
+    NOTHING,
+    formatted_number,
+    formatted_ratio,
+    interval,
+    interval_cell,
+    no_interval,
+    short_name,
+    shown_interval,
+)
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST, WHITE_BOX, lost_means
 
 CLEAN = "clean"
-MIN_TITLE = 16
 
 CAR = ("strict", "car")
 """Whose average precision stands beside the mAP."""
@@ -26,8 +28,6 @@ CAR = ("strict", "car")
 COLUMNS = (
     "attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost", "new FP", "max shift m",
 )  # fmt: skip
-ON_THE_TERMINAL = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
-"""The columns that fit into 80 characters; the page has them all."""
 
 
 def changed_percent(removed: int, added: int, moved: int, clean: int) -> str:
@@ -46,8 +46,8 @@ def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
     return {
         "attack": f"  {baseline_title(baseline)}" if baseline else " ".join(parts),
         "mAP": formatted_number(metrics.map_adv, 3),
-        "ratio %": formatted_number(metrics.map_ratio_percent, 2),
-        "95 %": interval(metrics.map_ratio_ci95),
+        "ratio %": formatted_ratio(metrics.map_ratio_percent, row.clean.means["strict"].map_r40),
+        "95 %": interval_cell(metrics.map_ratio_ci95, row.counts),
         "car AP": formatted_number(metrics.precisions.ap.get(CAR), 3),
         "CD m²": formatted_number(metrics.chamfer_distance_m2, 5),
         "points": changed_percent(
@@ -59,24 +59,25 @@ def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
     }
 
 
-def defended_cells(defended: DefenceRecord) -> dict[str, str]:
+def defended_cells(row: ResultRow, defended: DefenceRecord) -> dict[str, str]:
     """The line of an attack under a defence."""
     attacked = defended.attacked
     return dict.fromkeys(COLUMNS, NOTHING) | {
         "attack": f"  under {defended.defence}",
         "mAP": formatted_number(attacked and attacked.map_adv, 3),
-        "ratio %": formatted_number(attacked and attacked.map_ratio_percent, 2),
-        "95 %": interval(attacked and attacked.map_ratio_ci95),
+        "ratio %": formatted_ratio(attacked and attacked.map_ratio_percent, defended.map_clean),
+        "95 %": interval_cell(attacked.map_ratio_ci95, row.counts) if attacked else NOTHING,
         "car AP": formatted_number(attacked and attacked.precisions.ap.get(CAR), 3),
     }
 
 
 def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
     """The line of the clean clouds."""
+    mean_ap = row.clean.means["strict"].map_r40
     return dict.fromkeys(COLUMNS, NOTHING) | {
         "attack": f"{CLEAN}: {short_name(detector)}" if detector else CLEAN,
-        "mAP": formatted_number(row.clean.means["strict"].map_r40, 3),
-        "ratio %": formatted_number(100.0, 2),
+        "mAP": formatted_number(mean_ap, 3),
+        "ratio %": formatted_ratio(100.0, mean_ap),
         "car AP": formatted_number(row.clean.precisions.ap.get(CAR), 3),
     }
 
@@ -100,7 +101,7 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
         shown = [name for name in names if not is_short or name in (names[0], row.strongest_baseline)]
         table += [cells(row, name) for name in shown]
         table += [
-            defended_cells(each)
+            defended_cells(row, each)
             for each in report.listed(DefenceRecord)
             if (each.bag, each.detector) == (row.bag, row.detector)
         ]
@@ -119,9 +120,11 @@ def table_notes(report: Report) -> list[str]:
         strongest = row.strongest_baseline
         if strongest and (bounds := row.baselines[strongest].map_ratio_delta_points_ci95):
             delta = formatted_number(row.baselines[strongest].map_ratio_delta_points, 2)
+            shown = shown_interval(bounds, row.counts)
             notes.append(
                 f"{bag}: Δ of the mAP ratio to {baseline_title(strongest)} "
-                f"(the strongest {PLAIN_RANDOM} baseline): {delta} points, 95 % interval {interval(bounds)}. "
+                f"(the strongest {PLAIN_RANDOM} baseline): {delta} percentage points, "
+                f"{f'95 % interval {interval(shown)}' if shown else no_interval(row.counts)}. "
                 f"Significant against {PLAIN_RANDOM}: {'yes' if row.significant_vs_random else 'no'}."
             )
         notes += _lost_note(report, row, bag)
@@ -133,7 +136,7 @@ def table_notes(report: Report) -> list[str]:
 
 
 def _lost_note(report: Report, row: ResultRow, bag: str) -> list[str]:
-    """How many objects the detector loses under an attack, at both overlaps."""
+    """How many of the objects found on clean clouds the detector misses on attacked ones."""
     about = (row.bag, row.detector, "adv", EVERY_CLASS, WHOLE)
     found = [
         each
@@ -141,8 +144,8 @@ def _lost_note(report: Report, row: ResultRow, bag: str) -> list[str]:
         if (each.bag, each.detector, each.condition, each.class_name, each.range) == about
     ]
     return [
-        f"{bag}: lost of the objects found on the clean clouds, with a score of at least "
-        f"{formatted_number(each.min_score, 2)}: "
+        f"{bag}: of the objects found on the clean clouds, with a score of at least "
+        f"{formatted_number(each.min_score, 2)}, the detector loses "
         f"{_share(each.strict_lost, each.strict_found_clean, each.strict_attack_success_percent)} at strict "
         f"overlap, {_share(each.lost, each.found_clean, each.attack_success_percent)} at "
         f"loose overlap ({OVERLAPS})."
@@ -155,20 +158,21 @@ def _share(lost: int, found: int, percent: float) -> str:
 
 
 def lost_of(report: Report) -> str:
-    """What `lost` means in the table of this report; rows of other frames may have another score."""
+    """The criterion for `lost` in the table of this report; rows of other frames may have another score."""
     scores = {row.counts.working_score for row in report.results}
     return lost_means(scores.pop() if len(scores) == 1 else None)
 
 
 def clean_lines(report: Report) -> list[dict[str, str]]:
-    """A line a class: average precision on the clean clouds of the first bag, and by range."""
+    """A line for each class: average precision on the clean clouds of the first bag, and by range."""
     if not report.results:
         return []
-    bag, detector = report.results[0].bag, report.results[0].detector
+    first = report.results[0]
     found = {
         (each.class_name, each.criterion, each.by, each.stratum): each
         for each in report.average_precision
-        if (each.bag, each.detector, each.condition) == (bag, detector, CLEAN) and each.by in ("", "range")
+        if (each.bag, each.detector, each.condition) == (first.bag, first.detector, CLEAN)
+        and each.by in ("", "range")
     }
     ranges = list(dict.fromkeys(stratum for _, _, by, stratum in found if by))
     return [
@@ -176,7 +180,7 @@ def clean_lines(report: Report) -> list[dict[str, str]]:
             "class": name,
             "boxes": formatted_number(found[name, "strict", "", WHOLE].boxes, 0),
             "AP": formatted_number(found[name, "strict", "", WHOLE].ap_r40, 3),
-            "95 %": interval(found[name, "strict", "", WHOLE].ap_r40_ci95, 2),
+            "95 %": interval_cell(found[name, "strict", "", WHOLE].ap_r40_ci95, first.counts, 2),
             "R11": formatted_number(found[name, "strict", "", WHOLE].ap_r11, 3),
             "BEV": formatted_number(found[name, "bev", "", WHOLE].ap_r40, 3),
             "loose": formatted_number(found[name, "loose", "", WHOLE].ap_r40, 3),
@@ -188,65 +192,3 @@ def clean_lines(report: Report) -> list[dict[str, str]]:
 
 def _short(stratum: str) -> str:
     return stratum.replace("over ", ">").removesuffix(" m")
-
-
-def print_report(report: Report) -> None:
-    """The tables on the terminal: the detector on the clean clouds, then attacks if there are any."""
-    console = plain_console()
-    for warning in report.warnings:
-        console.print(warning, style="bold yellow", highlight=False, markup=False)
-    if by_class := clean_lines(report):
-        console.print(_by_class(by_class))
-    if any(row.attacked for row in report.results):
-        console.print(_by_attack(report, console.width))
-    elif report.results:
-        clean = report.results[0].clean
-        found = clean.precisions.ap
-        car = f"; car alone {formatted_number(found[CAR], 3)}" if CAR in found else ""
-        console.print(f"mAP {formatted_number(clean.means['strict'].map_r40, 3)}{car}", highlight=False)
-    for note in table_notes(report):
-        console.print(note, highlight=False, markup=False)
-    for section in report.sections:
-        for note in section.notes:
-            console.print(note, highlight=False, markup=False)
-
-
-def _by_class(lines: list[dict[str, str]]) -> Table:
-    table = Table(
-        title="Clean clouds: strict 3D AP R40; R11; bird's-eye; loose 3D; strict 3D by range",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    for column in lines[0]:
-        table.add_column(column, justify="left" if column == "class" else "right", no_wrap=True)
-    for line in lines:
-        table.add_row(*line.values())
-    return table
-
-
-def _by_attack(report: Report, width_characters: int) -> Table:
-    table = Table(
-        title="Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance;\n"
-        f"lost: found on the clean cloud and missed, {lost_of(report)}",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    shown = lines(report, is_short=True)
-    widths = {
-        column: max(len(line[column]) for line in (*shown, {column: column})) for column in ON_THE_TERMINAL
-    }
-    rest = sum(width + 2 for column, width in widths.items() if column != "attack")
-    widths["attack"] = max(
-        min(widths["attack"], width_characters - rest - 2), MIN_TITLE
-    )  # truncated if too long
-    for column, width in widths.items():
-        justify: Literal["left", "right"] = "left" if column == "attack" else "right"
-        table.add_column(column, justify=justify, no_wrap=True, width=width)
-    for line in shown:
-        style = "dim" if line["attack"].startswith((CLEAN, " ")) else None
-        table.add_row(*(line[column] for column in ON_THE_TERMINAL), style=style)
-    return table

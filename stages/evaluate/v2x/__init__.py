@@ -1,1 +1,1 @@
-"""V2X under attack: misbehaviour detection, what the victim believes, and what that makes it do."""
+"""V2X under attack: misbehaviour detection, the victim's Local Dynamic Map, and its collision warnings."""

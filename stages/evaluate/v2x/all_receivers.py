@@ -1,4 +1,4 @@
-"""What every station of a drive received, instrumented or not: data sets such as VeReMi want all of them."""
+"""Receptions of every station of a drive, instrumented or not, as data sets such as VeReMi need them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.receptions import recorded_receptions
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
-from advpipe.stages.evaluate.v2x.receptions import refuse_strangers, true_senders
+from advpipe.stages.evaluate.v2x.receptions import refuse_unknown_senders, true_senders
 
 
 class StationReception(NamedTuple):
@@ -25,11 +25,11 @@ class StationReception(NamedTuple):
 
 
 def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xStep, list[StationReception]]]:
-    """Each step with what arrives in it, of each receiver by arrival.
+    """Each step with the receptions in it, for each receiver in order of arrival.
 
-    What the instrumented vehicles received is in the bag; for all others the drive is sent again. A message
-    that was sent after the last instant at which the bag tells places is left out, whoever received it.
-    Raises UsageError for a bag that does not tell who truly sent what was received.
+    The bag records what the instrumented vehicles received; for all others the radio is simulated again. A
+    message that was sent after the last instant with recorded positions is left out, whoever received it.
+    Raises UsageError for a bag that does not record who truly sent what was received.
     """
     sent: set[int] = set()
     listeners = dict(drive.listeners)
@@ -51,7 +51,7 @@ def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xS
 
 def _recorded(reader: BagReader, name: str, station: int) -> Iterator[StationReception]:
     received = recorded_receptions(reader, name)
-    refuse_strangers(reader, name, received, true_senders(reader) or {})
+    refuse_unknown_senders(reader, name, received, true_senders(reader) or {})
     for one in received:
         if one.number is None or one.station_id is None:
             raise UsageError(

@@ -1,10 +1,10 @@
-"""A simple forward-collision warning, fed by the Local Dynamic Map and, to compare, by the truth.
+"""A simple forward-collision warning, fed by the Local Dynamic Map and, for comparison, by the truth.
 
-Rule: warn while the time to collision with anything ahead is below `WARN_S`. Ahead is whose box and the own
-one overlap sideways when both are projected onto the own heading, and whose middle is before the own one
-within `AHEAD_M`. Time to collision is the gap between both boxes along the heading over the closing speed,
-the own speed less the other's along that heading, where this is above `CLOSING_MPS`; speeds stay as they
-are. It knows nothing of lanes or turns, as the simplest such systems.
+Rule: warn while the time to collision with anything ahead is below `WARN_S`. A road user is ahead if its
+centre is at most `AHEAD_M` in front of the vehicle and both boxes overlap laterally, seen along the vehicle's
+heading. Time to collision is the gap between both boxes along that heading, divided by the closing speed
+where this is above `CLOSING_MPS`; speeds are taken as constant. Lanes and turns are ignored, as in the
+simplest such systems.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ WARN_S = 2.5
 AHEAD_M = 100.0
 CLOSING_MPS = 0.5
 TOGETHER_S = 1.0
-"""Warnings that are no farther apart are one alarm, and an alarm and a danger that near belong together."""
+"""Warnings at most this far apart are one alarm; an alarm and a danger at most this far apart match."""
 
 
 def time_to_collision_s(own: Known, other: Known) -> float:
-    """Infinite where nothing is to be feared."""
+    """Time to collision with another road user; infinite if it is not ahead or not approached."""
     cosine, sine = math.cos(own.yaw_rad), math.sin(own.yaw_rad)
     x_m, y_m = other.x_m - own.x_m, other.y_m - own.y_m
     ahead_m, aside_m = cosine * x_m + sine * y_m, cosine * y_m - sine * x_m
@@ -45,7 +45,7 @@ def time_to_collision_s(own: Known, other: Known) -> float:
 
 
 def known_of_radio(radio: RadioPlace) -> Known:
-    """The truth in the form of an entry."""
+    """The true state of a station in the form of a map entry."""
     pose = radio.map_SE3_base
     return Known(
         radio.station_id,
@@ -59,10 +59,10 @@ def known_of_radio(radio: RadioPlace) -> Known:
 
 
 def warnings(moments: Sequence[Moment], own: Sequence[Known] | None = None) -> Warnings:
-    """Runs the warning over a drive.
+    """Run the collision warning over a drive.
 
-    own: what the vehicle believes of itself at each moment; the truth if left out. Only stations with radios
-    count as dangers: the map cannot know the others.
+    own: the vehicle's estimate of its own state at each moment, by default the truth. Only stations with
+    radios count as dangers: the map cannot hold the others.
     """
     times_s = np.array([moment.time_ns for moment in moments], np.int64) / 1e9
     step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
@@ -72,13 +72,13 @@ def warnings(moments: Sequence[Moment], own: Sequence[Known] | None = None) -> W
         self = truth if own is None else own[index]
         alarm[index] = _warns(self, (e for e in moment.entries if e.station_id != truth.station_id))
         danger[index] = _warns(truth, map(known_of_radio, moment.others))
-    alarms, dangers = _spells(times_s[alarm]), _spells(times_s[danger])
-    false_alarms = [spell for spell in alarms if not _near_any(spell, dangers)]
+    alarms, dangers = _time_spans(times_s[alarm]), _time_spans(times_s[danger])
+    false_alarms = [span for span in alarms if not _near_any(span, dangers)]
     return Warnings(
         len(alarms),
         len(dangers),
         len(false_alarms),
-        sum(not _near_any(spell, alarms) for spell in dangers),
+        sum(not _near_any(span, alarms) for span in dangers),
         float(alarm.sum()) * step_s,
         float(danger.sum()) * step_s,
         sum(last_s - first_s + step_s for first_s, last_s in false_alarms),
@@ -89,18 +89,18 @@ def _warns(own: Known, others: Iterable[Known]) -> bool:
     return any(time_to_collision_s(own, other) < WARN_S for other in others)
 
 
-def _spells(times_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[tuple[float, float]]:
-    """First and last time of each run of times that are close together."""
-    spells: list[tuple[float, float]] = []
+def _time_spans(times_s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[tuple[float, float]]:
+    """First and last of each run of times that are at most `TOGETHER_S` apart."""
+    spans: list[tuple[float, float]] = []
     for time_s in times_s.tolist():
-        if spells and time_s - spells[-1][1] <= TOGETHER_S:
-            spells[-1] = spells[-1][0], time_s
+        if spans and time_s - spans[-1][1] <= TOGETHER_S:
+            spans[-1] = spans[-1][0], time_s
         else:
-            spells.append((time_s, time_s))
-    return spells
+            spans.append((time_s, time_s))
+    return spans
 
 
-def _near_any(spell: tuple[float, float], others: Sequence[tuple[float, float]]) -> bool:
+def _near_any(span: tuple[float, float], others: Sequence[tuple[float, float]]) -> bool:
     return any(
-        spell[0] <= last_s + TOGETHER_S and first_s <= spell[1] + TOGETHER_S for first_s, last_s in others
+        span[0] <= last_s + TOGETHER_S and first_s <= span[1] + TOGETHER_S for first_s, last_s in others
     )

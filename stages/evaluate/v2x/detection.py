@@ -1,4 +1,4 @@
-"""How well the misbehaviour detector and the baseline tell false messages from honest ones, per attack."""
+"""Scores of the misbehaviour detector and of the baseline on false and honest messages, by attack."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from advpipe.stages.evaluate.v2x.receptions import ListenerReceptions
 class ScoredAttack:
     """One attack of a bag, scored on its false messages and all honest ones, without those of other attacks.
 
-    attack: with the part of a mix, where labels tell. published: F1 of CaTCH on other data, or NaN.
+    attack: with the part of a mix, if labelled. published: F1 of CaTCH on other data, or NaN.
     """
 
     attack: str
@@ -44,8 +44,8 @@ class Detection:
     """The results of two detectors on the messages that all listeners of a bag received.
 
     attack: empty for a clean bag. messages, false_messages: received, where the bag records their senders.
-    undecoded: messages that are no CAM and that no attack sent; decoders drop them, and they count neither
-    for nor against a detector. parts: by attack. objections: flagged false messages by check, most first.
+    undecoded: messages that are not CAMs and were not sent by an attack; decoders drop them, and they do not
+    count. parts: by attack. flagged_by_check: flagged false messages, most first.
     """
 
     attack: str
@@ -55,12 +55,12 @@ class Detection:
     ours: Scores
     baseline: Scores
     parts: tuple[ScoredAttack, ...]
-    objections: dict[str, int]
+    flagged_by_check: dict[str, int]
 
 
 @dataclass(frozen=True)
 class _ReceivedMessages:
-    """Of M messages that count, (M,) each."""
+    """M received messages, (M,) each: numbers, flags of both detectors, senders and arrival times."""
 
     numbers: list[int | None]
     ours: Bools
@@ -69,7 +69,7 @@ class _ReceivedMessages:
     times_s: np.ndarray[Any, np.dtype[np.float64]]
 
     def scores(self, is_false_message: Bools, chosen: Bools) -> tuple[Scores, Scores]:
-        """Ours and the baseline's, on those chosen."""
+        """Scores of our detector and of the baseline on the chosen messages."""
         is_false, senders, times_s = is_false_message[chosen], self.senders[chosen], self.times_s[chosen]
         return (
             scores(self.ours[chosen], is_false, senders, times_s),
@@ -85,15 +85,15 @@ def detect(
     published: Mapping[str, float] | None = None,
     window: Window = WHOLE_DRIVE,
 ) -> Detection:
-    """Runs both detectors, as tuned if left out, over what each listener received; compares with the labels.
+    """Run both detectors, by default as tuned, on what each vehicle received, and score them by the labels.
 
-    published: of each attack in the bag, as `published_f1` reads it. window: what arrives in it counts;
-    detectors remember what was before. Without labels there are no false messages; with them, a message
-    counts where the bag records which one it truly was.
+    published: F1 for each attack in the bag, as `published_f1` reads it. window: messages that arrive in it
+    count; detectors remember earlier ones. Without labels there are no false messages; with labels, a message
+    counts if the bag records which sent message it was.
     """
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
-    ours, theirs, senders, times_s, numbers, decoded = [], [], [], [], [], []
-    objections: Counter[str] = Counter()
+    ours, baseline, senders, times_s, numbers, decoded = [], [], [], [], [], []
+    flagged_by_check: Counter[str] = Counter()
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
         inside = window.holds([one.arrival_ns for one in each.received])
@@ -101,37 +101,38 @@ def detect(
             inside &= np.array([number is not None for number in each.numbers], bool)
         received = [one for one, is_inside in zip(each.received, inside, strict=True) if is_inside]
         ours.append(judged.flagged[inside])
-        theirs.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
+        baseline.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
         senders.append([place * 2**32 + (one.station_id or 0) for one in received])
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
         numbers += [one.number for one in received]
         counts = judged.triggered(config)[inside & are_false(each.numbers, labels)].sum(axis=0).tolist()
-        objections.update(dict(zip(CHECKS, counts, strict=True)))
-    heard = _ReceivedMessages(
+        flagged_by_check.update(dict(zip(CHECKS, counts, strict=True)))
+    messages = _ReceivedMessages(
         numbers,
         _joined(ours, bool),
-        _joined(theirs, bool),
+        _joined(baseline, bool),
         _joined(senders, np.int64),
         _joined(times_s, np.float64),
     )
     is_false_message = are_false(numbers, labels)
-    counts_at_all = _joined(decoded, bool) | is_false_message
+    is_scored = _joined(decoded, bool) | is_false_message
     return Detection(
         " + ".join(sorted({label.attack for label in labels})),
         len(is_false_message),
         int(is_false_message.sum()),
-        int((~counts_at_all).sum()),
-        *heard.scores(is_false_message, counts_at_all),
-        tuple(_parts(heard, labels, is_false_message, counts_at_all, published or {})),
-        {name: count for name, count in objections.most_common() if count},
+        int((~is_scored).sum()),
+        *messages.scores(is_false_message, is_scored),
+        tuple(_parts(messages, labels, is_false_message, is_scored, published or {})),
+        {name: count for name, count in flagged_by_check.most_common() if count},
     )
 
 
 def published_f1(provenance: Provenance) -> dict[str, float]:
-    """What is published of CaTCH for the attacks of an adversarial bag, and for the parts of a mix, where
-    anything is: its F1 on VeReMi NextGen, urban traffic of low density. Other data than ours: for
-    orientation, not for comparison."""
+    """CaTCH's published F1 for the attacks of an adversarial bag and for the parts of a mix, if there is one.
+
+    It was measured on VeReMi NextGen, urban traffic of low density: other data, for orientation only.
+    """
     declared = {one.type: one.declared for one in provenance.fields.attacks if one.declared is not None}
     published = {part.name: part.published for each in declared.values() for part in each.parts}
     published |= {name: each.published for name, each in declared.items()}
@@ -139,23 +140,23 @@ def published_f1(provenance: Provenance) -> dict[str, float]:
 
 
 def _parts(
-    heard: _ReceivedMessages,
+    received: _ReceivedMessages,
     labels: Sequence[MessageLabel],
     is_false_message: Bools,
-    counts_at_all: Bools,
+    is_scored: Bools,
     published: Mapping[str, float],
 ) -> list[ScoredAttack]:
-    by_kind: dict[str, list[MessageLabel]] = {}
+    by_attack: dict[str, list[MessageLabel]] = {}
     for label in labels:
-        for kind in {label.attack, label.attack_and_part}:
-            by_kind.setdefault(kind, []).append(label)
+        for attack in {label.attack, label.attack_and_part}:
+            by_attack.setdefault(attack, []).append(label)
     parts = []
-    for kind, own in sorted(by_kind.items()):
-        its_lies = are_false(heard.numbers, own)
-        attack = own[0].part if own[0].attack_and_part == kind and own[0].part else own[0].attack
-        figure = published.get(attack, math.nan)
-        found = heard.scores(its_lies, counts_at_all & (its_lies | ~is_false_message))
-        parts.append(ScoredAttack(kind, int(its_lies.sum()), *found, figure))
+    for name, own in sorted(by_attack.items()):
+        is_false = are_false(received.numbers, own)
+        attack = own[0].part if own[0].attack_and_part == name and own[0].part else own[0].attack
+        found = received.scores(is_false, is_scored & (is_false | ~is_false_message))
+        f1 = published.get(attack, math.nan)
+        parts.append(ScoredAttack(name, int(is_false.sum()), *found, f1))
     return parts
 
 

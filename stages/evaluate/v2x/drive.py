@@ -1,4 +1,4 @@
-"""Everything that is evaluated of one bag's V2X."""
+"""The evaluation of one bag's V2X: detection, Local Dynamic Maps, collision warnings, the radio channel."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from advpipe.stages.evaluate.v2x.recording import read_recording
 
 @dataclass(frozen=True)
 class EvaluatedDrive:
-    """One bag under evaluation: the clean one has no labels.
+    """One evaluated bag; the clean one has no labels.
 
-    moments, errors, warned, heard: by listener. radio: None for a part of a drive, and for a bag that does
-    not tell. roads: None where the bag does not tell them, so that the checks that need them are off.
-    missing_data: what else the bag lacks, a sentence each.
+    moments, errors, warned, heard: by listener. radio: None for a part of a drive, and without
+    statistics in the bag. roads: None without roads in the bag: the checks that need them are off.
+    missing_data: a sentence on each other thing that the bag lacks.
     """
 
     name: str
@@ -50,32 +50,32 @@ class EvaluatedDrive:
     missing_data: tuple[str, ...] = ()
 
     def honest(self, listener: str) -> frozenset[int]:
-        """Numbers of the messages that others sent near a listener, and no attack touched."""
+        """Numbers of the messages that others sent near a listener and that no attack touched."""
         return self.heard[listener].near - {label.number for label in self.labels}
 
     def delivered(self, listener: str, numbers: frozenset[int]) -> float:
-        """The share of these messages that a listener received; NaN where the bag does not tell."""
+        """The share of these messages that a listener received; NaN where that is unknown."""
         return self.heard[listener].delivered(numbers) if listener in self.heard else math.nan
 
     def wrong(self, listener: str) -> Float64:
-        """How many entries of a listener's map are wrong or missing, at each of its moments."""
+        """Number of false, missing and displaced entries of a listener's map, at each of its moments."""
         error = self.errors[listener]
         return error.false_entries + error.missing + error.displaced
 
     @property
-    def most_fooled(self) -> str | None:
+    def most_affected_listener(self) -> str | None:
         """The listener whose map is the most wrong; None in a drive without any."""
         return max(self.errors, key=lambda one: float(np.nansum(self.wrong(one))), default=None)
 
-    def telling(self, listener: str) -> tuple[Moment, Moment]:
-        """The last map before the first lie, or the first of all; and the one that is most wrong from then to
-        the last lie, or after it where none was recorded in between."""
+    def maps_around_attack(self, listener: str) -> tuple[Moment, Moment]:
+        """The last map before the first false message, or the first of all; and the one with most wrong
+        entries from then to the last false message, or after it if none was recorded in between."""
         found = self.moments[listener]
-        lied_ns = [label.time_ns for label in self.labels] or [0]
+        false_ns = [label.time_ns for label in self.labels] or [0]
         times_ns = np.array([moment.time_ns for moment in found])
-        before = np.flatnonzero(times_ns <= min(lied_ns))
-        after = times_ns > min(lied_ns)
-        during = after & (times_ns <= max(lied_ns))
+        before = np.flatnonzero(times_ns <= min(false_ns))
+        after = times_ns > min(false_ns)
+        during = after & (times_ns <= max(false_ns))
         worst = int(np.argmax(np.where(during if during.any() else after, self.wrong(listener), -1.0)))
         return found[before[-1] if len(before) else 0], found[worst]
 
@@ -87,7 +87,9 @@ def read_drive(
     parameters: CatchParameters | None = None,
     window: Window = WHOLE_DRIVE,
 ) -> EvaluatedDrive:
-    """window: its figures count; detectors run from the beginning of the drive to its end.
+    """Evaluate the V2X of a bag.
+
+    window: the part of the drive that is evaluated; detectors run from the drive's beginning to its end.
 
     Raises AdvpipeError for a bag whose V2X or labels cannot be read.
     """
@@ -102,7 +104,10 @@ def read_drive(
         detect(receptions, labels, config, parameters, published_f1(reader.provenance), window),
         found,
         {one: ldm_error(found[one]) for one in listeners},
-        {one: warnings(found[one], _believed(reader, one, found[one], window.last_ns)) for one in listeners},
+        {
+            one: warnings(found[one], _own_estimates(reader, one, found[one], window.last_ns))
+            for one in listeners
+        },
         {each.listener: MessageNumbers.of(each) for each in receptions},
         radio_metrics(read_statistics(reader)) if window == WHOLE_DRIVE else None,
         [label for label in labels if window.is_before_end(label.time_ns)],
@@ -111,25 +116,25 @@ def read_drive(
     )
 
 
-def _believed(
+def _own_estimates(
     reader: BagReader, listener: str, found: Sequence[Moment], last_ns: int | None
 ) -> list[Known] | None:
-    """What the vehicle takes itself for at each moment: its on-board estimate; None where it made none."""
+    """The vehicle's on-board estimate of its own state at each moment; None without estimates."""
     topic = VehicleTopics(listener).odometry.name
     if topic not in reader.topics:
         return None
-    times_ns, told = [], []
+    times_ns, estimates = [], []
     for time_ns, message in reader.messages(topic, last_ns):
         pose = build.se3_from_pose(message.pose.pose)
         yaw_rad = float(np.arctan2(pose[1, 0], pose[0, 0]))
-        told.append((float(pose[0, 3]), float(pose[1, 3]), yaw_rad, float(message.twist.twist.linear.x)))
+        estimates.append((float(pose[0, 3]), float(pose[1, 3]), yaw_rad, float(message.twist.twist.linear.x)))
         times_ns.append(time_ns)
-    if not told:
+    if not estimates:
         return None
-    believed = []
+    own = []
     for moment in found:
         truth = known_of_radio(moment.own)
-        nth = int(np.searchsorted(times_ns, moment.time_ns, "right")) - 1
-        x_m, y_m, yaw_rad, speed_mps = told[max(nth, 0)]
-        believed.append(truth._replace(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, speed_mps=speed_mps))
-    return believed
+        last = int(np.searchsorted(times_ns, moment.time_ns, "right")) - 1
+        x_m, y_m, yaw_rad, speed_mps = estimates[max(last, 0)]
+        own.append(truth._replace(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, speed_mps=speed_mps))
+    return own

@@ -20,13 +20,14 @@ from advpipe.pipeline.messages.v2x import RadioPlace, stations_of_message
 from advpipe.pipeline.results.v2x import LdmMetrics
 
 DISPLACED_M = 3.0
-"""An entry farther from its station's true place is displaced; one carried on for a second is within."""
+"""An entry farther than this from its station's true position is displaced; extrapolating it for a second
+stays within."""
 MISSING_WITHIN_M = 150.0
-"""Stations that near and without an entry are missing."""
+"""Stations within this distance and without an entry are missing."""
 
 
 class Known(NamedTuple):
-    """An entry of a map, carried on with its speed to the snapshot's time; angles and sizes as told."""
+    """A map entry, extrapolated with its speed to the snapshot's time; angles and sizes as claimed."""
 
     station_id: int
     x_m: float
@@ -38,21 +39,21 @@ class Known(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """One recorded map, and the truth at its time: all radios on the road, the map's owner apart."""
+    """One recorded map, and the truth at its time: all stations on the road, the map's owner apart."""
 
     time_ns: int
     own: RadioPlace
     entries: tuple[Known, ...]
     others: tuple[RadioPlace, ...]
     present: frozenset[int]
-    """Station ids on the road now or up to one expiry ago: their entries may still be there."""
+    """Ids of stations on the road now or at most one expiry time ago: their entries may still be there."""
 
 
 @dataclass(frozen=True)
 class LdmError:
-    """Of K recorded maps, (K,) each: counts, and the mean distance of true stations' entries from them.
+    """Errors of K recorded maps, (K,) each: counts, and the mean distance of entries from their stations.
 
-    time_ns: of the map. known: entries. stations: radios within `MISSING_WITHIN_M`. error_m: NaN without
+    time_ns: of the map. known: entries. stations: those within `MISSING_WITHIN_M`. error_m: NaN without
     an entry of a true station.
     """
 
@@ -65,7 +66,7 @@ class LdmError:
     error_m: Float64
 
     def metrics(self) -> LdmMetrics:
-        """Means over the maps, the most false entries at once, and the mean error."""
+        """Means over the maps, the largest number of false entries at once, and the mean error."""
         return LdmMetrics(
             known=_mean(self.known),
             stations=_mean(self.stations),
@@ -80,18 +81,18 @@ class LdmError:
 def moments(
     reader: BagReader, listener: str, expiry_s: float, window: Window = WHOLE_DRIVE
 ) -> Iterator[Moment]:
-    """Every map of a listener in a window that was recorded while its radio was on the road, in order."""
+    """Every recorded map of a listener in a window while the listener was on the road, in order."""
     topic = VehicleTopics(listener).ldm.name
     last_seen_ns: dict[int, int] = {}
     radios: tuple[RadioPlace, ...] = ()
     at_ns = -1
     in_time = reader.raw_messages([V2X_STATIONS.name, topic], last_ns=window.last_ns)
-    # Of one instant, either may come first.
+    # At one instant, either message may be recorded first.
     same = (sorted(each, key=_stations_first) for _, each in groupby(in_time, lambda raw: raw.log_time_ns))
     for raw in chain.from_iterable(same):
         message = reader.decode(raw)
         if raw.topic.name == V2X_STATIONS.name:
-            # An attacker's roadside unit has a radio and no size: no vehicle that a map should hold.
+            # An attacker's roadside unit has no size: it is not a vehicle that a map should hold.
             radios = tuple(radio for radio in stations_of_message(message) if any(radio.size_m))
             at_ns = raw.log_time_ns
             last_seen_ns.update((radio.station_id, at_ns) for radio in radios)
@@ -110,11 +111,11 @@ def _stations_first(raw: RawMessage) -> bool:
 
 
 def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
-    """Compares the maps with the truth.
+    """Compare the maps with the truth.
 
-    A ghost is an entry of a station that is not there, or of the owner itself. A displaced entry is more than
-    `DISPLACED_M` from where its station truly is. A station within `MISSING_WITHIN_M` without any entry is
-    missing.
+    A false entry is of a station that does not exist, or of the map's owner. A displaced entry is more than
+    `DISPLACED_M` from the true position of its station. A station within `MISSING_WITHIN_M` without any entry
+    is missing.
     """
     rows, times_ns = [], []
     for moment in found:
@@ -137,7 +138,7 @@ def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
                 len(near),
                 false_entries,
                 sum(station not in known for station in near),
-                # Where a station says nothing of its place, nobody can tell how far off it is.
+                # An entry without a position (NaN) counts as displaced.
                 sum(not error <= DISPLACED_M for error in errors_m),
                 float(np.nanmean(errors_m)) if np.isfinite(errors_m).any() else math.nan,
             )

@@ -1,4 +1,4 @@
-"""The V2X data that a bag lacks, and what therefore is not evaluated rather than guessed."""
+"""The V2X data that a bag lacks, and what is therefore not evaluated."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from advpipe.stages.evaluate.v2x.receptions import ListenerReceptions
 def missing_data(
     reader: BagReader, receptions: Sequence[ListenerReceptions], has_labels: bool
 ) -> Iterator[str]:
-    """A sentence for each topic that is missing, none for a bag that `simulate` and `attack` make.
+    """A sentence for each missing topic; none for a bag made by `simulate` and `attack`.
 
-    has_labels: whether the bag has attackers, so that it matters who truly sent what.
+    has_labels: whether the bag has attackers, so that true senders matter.
     """
     for each in receptions:
         topics, unknown = VehicleTopics(each.listener), each.numbers.count(None)
         if unknown and has_labels:
             yield (
-                f"which sent messages {unknown:,} of the {len(each.numbers):,} that {each.listener} received "
-                f"truly were is not known ({topics.true_receptions.name}), so they are not scored; "
-                "record the drive again with this version."
+                f"{unknown:,} of the {len(each.numbers):,} messages that {each.listener} received are not "
+                f"scored: their true senders are not recorded ({topics.true_receptions.name}); record the "
+                "drive again with this version."
             )
         if topics.ldm.name not in reader.topics:
-            yield f"{each.listener} recorded no map ({topics.ldm.name}), so its map is not evaluated."
+            yield f"the map of {each.listener} is not evaluated: it is not recorded ({topics.ldm.name})."
     if V2X_STATIONS.name not in reader.topics:
-        yield f"where the stations truly were is not known ({V2X_STATIONS.name}), so no map is evaluated."
+        yield f"no map is evaluated: true positions of stations are not recorded ({V2X_STATIONS.name})."
     if V2X_SENT.name not in reader.topics:
-        yield f"what others sent is not known ({V2X_SENT.name}), so the share delivered is not counted."
+        yield f"no share of delivered messages: sent messages are not recorded ({V2X_SENT.name})."

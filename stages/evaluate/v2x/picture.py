@@ -29,11 +29,11 @@ def draw_maps(before: Moment, during: Moment, roads: RoadMap | None = None) -> F
 
     figure = Figure(figsize=(12.0, 6.2), dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(1, 2).tolist()
-    for axes, moment, word in zip(panels, (before, during), ("before", "during the attack"), strict=True):
+    for axes, moment, when in zip(panels, (before, during), ("before", "during the attack"), strict=True):
         draw_map(axes, moment, roads)
         time_s = (moment.time_ns - before.time_ns) / 1e9
         later = f", {time_s:.1f} s later" if time_s else ""
-        axes.set_title(f"{word}{later}", loc="left", fontsize=11, color=INK)
+        axes.set_title(f"{when}{later}", loc="left", fontsize=11, color=INK)
     handles, labels = panels[1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     return figure
@@ -46,15 +46,15 @@ def draw_map(axes: Axes, moment: Moment, roads: RoadMap | None = None) -> None:
     plain_axes(axes)
     if roads is not None:
         _draw_roads(axes, roads, own)
-    kinds: dict[str, list[Known]] = {"entry": [], "displaced": [], "ghost": []}
+    entries: dict[str, list[Known]] = {"true": [], "displaced": [], "false": []}
     for entry in moment.entries:
         true = truth.get(entry.station_id)
         if entry.station_id not in moment.present or entry.station_id == own.station_id:
-            kinds["ghost"].append(entry)
+            entries["false"].append(entry)
         elif true is None or math.hypot(entry.x_m - true.x_m, entry.y_m - true.y_m) <= DISPLACED_M:
-            kinds["entry"].append(entry)
+            entries["true"].append(entry)
         else:
-            kinds["displaced"].append(entry)
+            entries["displaced"].append(entry)
             axes.plot(
                 [entry.x_m - own.x_m, true.x_m - own.x_m],
                 [entry.y_m - own.y_m, true.y_m - own.y_m],
@@ -62,9 +62,10 @@ def draw_map(axes: Axes, moment: Moment, roads: RoadMap | None = None) -> None:
                 linewidth=0.8,
                 zorder=2,
             )
-    for label, colour in (("entry", BASELINE), ("displaced", LOST), ("ghost", PREDICTION)):
-        _draw_boxes(axes, kinds[label], own, label, facecolor=colour, edgecolor=colour, alpha=0.75)
-    _draw_boxes(axes, list(truth.values()), own, "truth", facecolor="none", edgecolor=TRUTH)
+    for name, colour in (("true", BASELINE), ("displaced", LOST), ("false", PREDICTION)):
+        label = f"{name} entry"
+        _draw_boxes(axes, entries[name], own, label, facecolor=colour, edgecolor=colour, alpha=0.75)
+    _draw_boxes(axes, list(truth.values()), own, "station", facecolor="none", edgecolor=TRUTH)
     _draw_boxes(axes, [own], own, "the vehicle itself", facecolor=INK, edgecolor=INK)
     axes.set(xlim=(-REACH_M, REACH_M), ylim=(-REACH_M, REACH_M), aspect="equal")
     axes.set_xlabel("east of the vehicle [m]", color=SOFT)
@@ -82,7 +83,7 @@ def draw_detection(detections: Sequence[Detection]) -> Figure:
     axes = figure.add_subplot()
     plain_axes(axes)
     for offset, colour, label, values in (
-        (0.18, TRUTH, "ours", [each.ours.f1 for each in parts]),
+        (0.18, TRUTH, "misbehaviour detector", [each.ours.f1 for each in parts]),
         (-0.18, BASELINE, "baseline (CaTCH's checks)", [each.baseline.f1 for each in parts]),
     ):
         axes.barh(places + offset, np.nan_to_num(values), 0.34, color=colour, label=label)
@@ -96,7 +97,7 @@ def draw_detection(detections: Sequence[Detection]) -> Figure:
 
 
 def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
-    """Ghosts, missing and displaced stations over time, clean and attacked."""
+    """False, missing and displaced entries over time, clean and attacked."""
     from advpipe.pipeline.core.figure import Figure
 
     figure = Figure(figsize=(11.0, 3.0), dpi=110, facecolor="white", layout="constrained")
@@ -123,7 +124,7 @@ def draw_errors(clean: LdmError, attacked: LdmError, title: str = "") -> Figure:
 
 
 def _draw_roads(axes: Axes, roads: RoadMap, own: Known) -> None:
-    """The middles of the lanes near, as broad as lanes are."""
+    """The centre lines of nearby lanes, about as wide as lanes."""
     from matplotlib.collections import LineCollection
 
     pieces_m = roads.segments_m - (own.x_m, own.y_m)
@@ -140,7 +141,7 @@ def _draw_boxes(axes: Axes, found: Sequence[Known], own: Known, label: str, **st
 
 
 def _corners(known: Known, own: Known) -> list[tuple[float, float]] | None:
-    """The box around the vehicle itself; a small one where none is told."""
+    """Corners relative to the vehicle, of a small box where no size is stated; None without a position."""
     if not math.isfinite(known.x_m + known.y_m):
         return None
     yaw_rad = known.yaw_rad if math.isfinite(known.yaw_rad) else 0.0

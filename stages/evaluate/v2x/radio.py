@@ -1,4 +1,4 @@
-"""What attacks do to the radio channel: delivery and load of a drive, and delivery of honest messages."""
+"""Metrics of the radio channel: delivery and load of a drive, and delivery of honest messages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from advpipe.stages.evaluate.v2x.receptions import NEAR_M, ListenerReceptions
 
 
 def radio_metrics(statistics: Statistics | None) -> RadioMetrics | None:
-    """The line of one bag; None for one that holds no statistics."""
+    """The metrics of one bag; None for a bag without statistics."""
     if statistics is None:
         return None
     bins = round(NEAR_M / BIN_M)
@@ -29,7 +29,7 @@ def radio_metrics(statistics: Statistics | None) -> RadioMetrics | None:
 
 
 class MessageNumbers(NamedTuple):
-    """Numbers of messages: what others sent within `NEAR_M` of a listener, and what it received at all."""
+    """Numbers of messages that others sent within `NEAR_M` of a listener, and of all that it received."""
 
     near: frozenset[int]
     received: frozenset[int]
@@ -39,5 +39,5 @@ class MessageNumbers(NamedTuple):
         return cls(receptions.near, frozenset(n for n in receptions.numbers if n is not None))
 
     def delivered(self, numbers: Collection[int]) -> float:
-        """The share of these messages that it received; NaN of none."""
+        """The share of these messages that the listener received; NaN without any."""
         return len(self.received.intersection(numbers)) / len(numbers) if numbers else math.nan

@@ -1,6 +1,6 @@
-"""What each listener of a recorded drive received, as the bag tells it, with what the checks make of it.
+"""The recorded receptions of each listener of a drive, in the form that the misbehaviour checks need.
 
-Nothing is sent again: a drive that another tool recorded is read the same way, as far as its bag goes.
+The radio is not simulated again: a drive that another tool recorded is read in the same way.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
 from advpipe.stages.evaluate.v2x.recording import V2xRecording, read_recording
 
 NEAR_M = 300.0
-"""Within which messages ought to arrive."""
+"""Messages sent within this distance are expected to arrive."""
 _USUAL_SIZE_M = (4.5, 1.8)
 _UNKNOWN_ID = -1
 """A station id that no CAM claims."""
@@ -51,13 +51,13 @@ class ListenerReceptions:
 
     @property
     def numbers(self) -> list[int | None]:
-        """In /v2x/sent, of the messages that they truly were; None where the bag does not tell."""
+        """Numbers in /v2x/sent of the received messages; None where the bag does not record them."""
         return [one.number for one in self.received]
 
 
 @dataclass
 class _Around:
-    """What truly was around a listener: its own places by time, and the numbers of messages sent near it."""
+    """The true surroundings of a listener: its positions by time, and the numbers of messages sent nearby."""
 
     places: list[tuple[int, RadioPlace]] = field(default_factory=list)
     near: set[int] = field(default_factory=set)
@@ -66,11 +66,11 @@ class _Around:
 def read_receptions(
     reader: BagReader, window: Window = WHOLE_DRIVE, recording: V2xRecording | None = None
 ) -> list[ListenerReceptions]:
-    """Of every vehicle that tells what it received, by name, from the drive's beginning to the window's end.
+    """The receptions of every receiving vehicle, by name, from the drive's beginning to the window's end.
 
-    recording: as `read_recording` reads it from the bag. Raises AdvpipeError for a bag that does not tell
-    where its map lies, and whose receptions do not belong together (`recorded_receptions`), or were of no
-    message that was sent.
+    recording: as `read_recording` reads it from the bag. Raises AdvpipeError for a bag without its map's
+    origin, for receptions that do not belong together (`recorded_receptions`), and for receptions of messages
+    that nobody sent.
     """
     recording = recording or read_recording(reader, window.end_ns)
     around = _around(reader, recording.listeners, window)
@@ -79,10 +79,10 @@ def read_receptions(
     senders = true_senders(reader, window.last_ns)
     found = []
     for name, station_id in recording.listeners.items():
-        told = recorded_receptions(reader, name, window.last_ns)
-        received = [one for one in told if window.is_before_end(one.arrival_ns)]
+        recorded = recorded_receptions(reader, name, window.last_ns)
+        received = [one for one in recorded if window.is_before_end(one.arrival_ns)]
         if senders is not None:
-            refuse_strangers(reader, name, received, senders)
+            refuse_unknown_senders(reader, name, received, senders)
         for one in received:
             if one.payload not in cams:
                 cams[one.payload] = _cam(one.payload)
@@ -100,7 +100,7 @@ def read_receptions(
 
 
 def roads_of_bag(reader: BagReader) -> RoadMap | None:
-    """The roads of a drive; None for a bag that does not tell them."""
+    """The roads of a drive; None for a bag without them."""
     if LANES.name not in reader.topics:
         return None
     return next((lanes(lanes_of_markers(message)) for _, message in reader.messages(LANES.name)), None)
@@ -128,16 +128,16 @@ def _near(step: V2xStep, radios: dict[int, RadioPlace], own: RadioPlace, window:
 
 
 def true_senders(reader: BagReader, last_ns: int | None = None) -> dict[int, int] | None:
-    """Station ids by the numbers of what they sent; None of a bag that does not tell."""
+    """Station ids by the numbers of the messages that they sent; None for a bag without sent messages."""
     if V2X_SENT.name not in reader.topics:
         return None
     return {message.number: message.station_id for _, message in reader.messages(V2X_SENT.name, last_ns)}
 
 
-def refuse_strangers(
+def refuse_unknown_senders(
     reader: BagReader, name: str, received: Sequence[RecordedReception], senders: dict[int, int]
 ) -> None:
-    """Raises AdvpipeError for a reception of a message that nobody sent, or somebody else."""
+    """Raise AdvpipeError for a reception of a message that nobody sent, or that another station sent."""
     for one in received:
         if one.number is not None and senders.get(one.number) != one.station_id:
             raise AdvpipeError(
@@ -178,8 +178,8 @@ def _own_poses(
         found = [(t, build.se3_from_pose(m.pose.pose)) for t, m in reader.messages(topic, last_ns)] or found
     if not found:
         raise UsageError(
-            f"{reader.path}: where {name} was when it received messages is not known: neither {topic} nor "
-            f"{V2X_STATIONS.name} says so"
+            f"{reader.path}: the position of {name} when it received messages is unknown: record {topic} or "
+            f"{V2X_STATIONS.name}"
         )
     poses = [(p[0, 3], p[1, 3], np.arctan2(p[1, 0], p[0, 0])) for _, p in found]
     return np.array([t for t, _ in found], np.int64), np.array(poses)

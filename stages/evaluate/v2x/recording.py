@@ -1,4 +1,4 @@
-"""Who received messages in a recorded drive, and on which map: what receptions are evaluated with."""
+"""The receivers of messages in a recorded drive, and the geodesy of its map."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class V2xRecording:
     """One bag's receivers.
 
     geodesy: of the map. expiry_s: of entries in Local Dynamic Maps. listeners: station ids of the vehicles
-    that tell what they received, by name; None where the bag does not tell the id.
+    whose receptions are recorded, by name; None where the bag does not record the id.
     """
 
     geodesy: Geodesy
@@ -27,13 +27,13 @@ class V2xRecording:
 
 
 def read_recording(reader: BagReader, until_ns: int | None = None) -> V2xRecording:
-    """until_ns: vehicles that come later do not count.
+    """Read the receivers of a bag; until_ns: without vehicles that appear later.
 
-    Raises AdvpipeError for a bag that does not tell where its map lies on the Earth.
+    Raises AdvpipeError for a bag without its map's geographic origin.
     """
     if SCENARIO_INFO.name not in reader.topics:
         raise UsageError(
-            f"{reader.path} has no {SCENARIO_INFO.name}: where its map lies on the Earth is unknown; record "
+            f"{reader.path} has no {SCENARIO_INFO.name}: the geographic origin of its map is unknown; record "
             'a text like {"map": {"origin": {"latitude_deg": 48.1, "longitude_deg": 11.5}}} there'
         )
     info: ReceiversInfo = read_scenario_info(reader, ReceiversInfo)

@@ -1,4 +1,4 @@
-"""The report's part on V2X: false messages detected, their effect on maps and warnings, the radio."""
+"""The report's part on V2X: misbehaviour detection, effects on Local Dynamic Maps and warnings, the radio."""
 
 from __future__ import annotations
 
@@ -22,50 +22,65 @@ from advpipe.pipeline.results.v2x import AttackScores, ScoreMetrics, V2xRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, ReportPicture, ReportSection
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
 from advpipe.stages.evaluate.v2x.tables import (
     baseline_table,
     check_table,
+    detection_overview,
     detection_table,
     radio_table,
+    victim_overview,
     victim_table,
 )
 
 FORMULAS = (
-    (
+    Formula(
         "false message",
         "a received message that an attack changed, added or delayed so that it mattered, or an attacker's "
-        "that is no CAM; others are honest. Another message that is no CAM is dropped by the decoder and "
-        "not counted. Metrics of one attack leave out the false messages of others in its bag",
+        "message that is not a CAM; all others are honest. Other messages that are not CAMs are dropped by "
+        "the decoder and not counted. The metrics of one attack leave out false messages of other attacks in "
+        "the same bag",
+        ("messages", "false_messages", "undecoded"),
     ),
-    ("F1, MCC", "2 TP / (2 TP + FP + FN); Matthews' correlation; a message is one reception of one listener"),
-    (
+    Formula(
+        "F1, MCC",
+        "2 TP / (2 TP + FP + FN); Matthews' correlation coefficient; each reception of a message by a "
+        "vehicle counts once",
+        ("precision", "recall", "f1", "mcc", "false_positive_rate", "baseline_f1"),
+    ),
+    Formula(
         "latency",
-        "from the first false message of an attacker that a listener hears to the first one that is flagged, "
-        "the mean",
+        "time from the first false message of an attacker that a vehicle receives to the first one that is "
+        "flagged, the mean over detected attackers; detected attackers: share of the attackers with any "
+        "flagged message",
+        ("latency_s", "caught"),
     ),
-    (
+    Formula(
         "false, missing, displaced",
-        "entries of stations that are not there; stations within 150 m without an entry; entries, carried "
-        "on with their speed, more than 3 m from their station",
+        "per Local Dynamic Map, the mean over time: entries of stations that do not exist; stations within "
+        "150 m without an entry; entries, extrapolated with their speed, more than 3 m from their station",
+        ("ldm_false_entries", "ldm_missing", "ldm_displaced", "ldm_error_m"),
     ),
-    (
+    Formula(
         "warning",
-        "time to collision below 2.5 s with what is ahead in the own path; false alarms and misses against "
-        "the same rule fed by the truth of all stations, within 1 s",
+        "a forward-collision warning: time to collision below 2.5 s with anything ahead in the vehicle's "
+        "path. Alarms come from the Local Dynamic Map, dangers from the true positions of all stations; an "
+        "alarm without a danger within 1 s is false, a danger without an alarm is missed",
+        ("warning_alarms", "warning_dangers", "warning_false_alarms", "warning_misses"),
     ),
-    (
+    Formula(
         "delivered",
-        "share of pairs of message and receiver within 300 m, of all messages and stations; honest CAMs "
-        "heard: by the vehicle itself, of those that the attack left alone, the same ones in the clean drive "
-        "and in the attacked one; busy: channel busy ratio of 100 ms windows",
+        "share of pairs of message and receiver within 300 m, over all messages and stations. Honest CAMs "
+        "received: share of the CAMs sent within 300 m of the vehicle that no attack touched, the same CAMs "
+        "in the clean drive and in the attacked one. Channel busy ratio: in windows of 100 ms",
+        ("radio_delivered", "honest_delivered", "honest_delivered_clean", "radio_busy_mean"),
     ),
-    (
+    Formula(
         "CaTCH published",
         "F1 in VeReMi NextGen's documentation, urban traffic of low density: other data, for orientation; "
-        "that of constant speeds is of zero speed only",
+        "the value for constant speeds is for zero speed only",
     ),
 )
 
@@ -91,24 +106,24 @@ def v2x_sections(
     """
     del seed
     labelled = [bag for bag in adversarial if has_v2x(bag) and has_labels(bag)]
-    lied = [bag for bag in labelled if read_labels(bag)]
-    if not lied or not has_v2x(clean):
+    touched = [bag for bag in labelled if read_labels(bag)]
+    if not touched or not has_v2x(clean):
         return ()
     config = config or DetectorConfig()
-    named = [(clean, "clean"), *((bag, bag_name(bag)) for bag in lied)]
+    named = [(clean, "clean"), *((bag, bag_name(bag)) for bag in touched)]
     first, *others = (
         read_drive(bag, name, config, parameters, window)
         for bag, name in track(named, "V2X of each bag", len(named))
     )
     found = section(first, others, config, parameters)
-    idle = [bag_name(bag) for bag in labelled if bag not in lied]
+    untouched = [bag_name(bag) for bag in labelled if bag not in touched]
     notes = (
-        [f"{', '.join(idle)}: the attacks touched no message, so there is nothing to evaluate."]
-        if idle
+        [f"{', '.join(untouched)}: the attacks touched no message, so there is nothing to evaluate."]
+        if untouched
         else []
     )
     if window != WHOLE_DRIVE:
-        notes.append("The channel's metrics are left out: bags hold them for whole drives only.")
+        notes.append("No metrics of the radio channel: bags record them for whole drives only.")
     return (replace(found, notes=(*found.notes, *notes)),)
 
 
@@ -119,22 +134,11 @@ def section(
     parameters: CatchParameters = TUNED_CATCH,
 ) -> ReportSection:
     """Tables, pictures and records of drives that have been read."""
-    with_attacks = [drive.detection for drive in attacked if drive.detection.false_messages]
-    ours, theirs = [each.ours.f1 for each in with_attacks], [each.baseline.f1 for each in with_attacks]
-    rate = clean.detection.ours.false_positive_rate
-    lead = (
-        f"Mean F1 over {len(with_attacks)} {'bag' if len(with_attacks) == 1 else 'bags'} with false messages "
-        f"{formatted_number(_mean(ours), 3)}, of the baseline built from CaTCH's checks "
-        f"{formatted_number(_mean(theirs), 3)}; of {clean.detection.messages:,} honest messages of the "
-        f"clean drive {formatted_number(100 * rate, 2)} % are flagged, by the baseline "
-        f"{formatted_number(100 * clean.detection.baseline.false_positive_rate, 2)} %. "
-        f"What both were tuned on: {'; '.join(tuned.DRIVES)}."
-    )
     drives = (clean, *attacked)
     return ReportSection(
         key="v2x",
-        title="V2X: lies with_attacks, believed and found out",
-        lead=lead,
+        title="V2X: misbehaviour detection and the effects of false messages",
+        lead=_lead(clean, attacked),
         tables=(
             detection_table(attacked),
             victim_table(drives),
@@ -146,7 +150,31 @@ def section(
         records=tuple(_record(clean, drive, listener) for drive in drives for listener in drive.errors),
         notes=tuple(_notes(drives)),
         formulas=FORMULAS,
+        terminal=(detection_overview(attacked), victim_overview(drives)),
     )
+
+
+def _lead(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> str:
+    """Mean F1 of both detectors, and their false positives on the clean drive, where there are messages."""
+    false = [drive.detection for drive in attacked if drive.detection.false_messages]
+    sentences = ["No bag has a received false message here, so F1 is undefined."]
+    if false:
+        ours, baseline = _mean([each.ours.f1 for each in false]), _mean([each.baseline.f1 for each in false])
+        sentences = [
+            f"Mean F1 over {len(false)} {'bag' if len(false) == 1 else 'bags'} with false messages: "
+            f"{formatted_number(ours, 3)}; baseline built from CaTCH's checks: "
+            f"{formatted_number(baseline, 3)}."
+        ]
+    honest = clean.detection
+    if honest.messages:
+        sentences.append(
+            f"Of the {honest.messages:,} messages received in the clean drive, all honest, "
+            f"{formatted_number(100 * honest.ours.false_positive_rate, 2)} % are flagged; by the baseline "
+            f"{formatted_number(100 * honest.baseline.false_positive_rate, 2)} %."
+        )
+    else:
+        sentences.append("No message was received in the clean drive here.")
+    return " ".join([*sentences, f"Both were tuned on {'; '.join(tuned.DRIVES)}."])
 
 
 def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
@@ -155,13 +183,14 @@ def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
     if off:
         notes.append(
             f"{', '.join(off)}: the bag does not hold its roads ({LANES.name}), so the checks "
-            f"{' and '.join(NEED_ROADS)} are off there, as is the baseline's position check."
+            f"{' and '.join(NEED_ROADS)} and the baseline's position check are off."
         )
     notes += [f"{drive.name}: {sentence}" for drive in drives for sentence in drive.missing_data]
     undecoded = sum(drive.detection.undecoded for drive in drives)
     if undecoded:
         notes.append(
-            f"{undecoded:,} messages received are no CAM, and no attack sent them: they are not scored."
+            f"{undecoded:,} received messages are not CAMs and were not sent by an attack: they are not "
+            "scored."
         )
     return notes
 
@@ -170,11 +199,11 @@ def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list
     caption = "F1 of each attack; the published values are of other data"
     figures = [("", "v2x-detection.png", caption, draw_detection([d.detection for d in attacked]))]
     for drive in attacked:
-        listener = drive.most_fooled
+        listener = drive.most_affected_listener
         if listener is None or not drive.moments[listener]:
             continue
-        before, during = drive.telling(listener)
-        title = f"{drive.name}: the map of {listener}"
+        before, during = drive.maps_around_attack(listener)
+        title = f"{drive.name}: Local Dynamic Map of {listener}"
         figures.append((drive.name, f"{drive.name}-ldm.png", title, draw_maps(before, during, drive.roads)))
         if listener in clean.errors:
             errors = draw_errors(clean.errors[listener], drive.errors[listener], title)

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 
 from advpipe.pipeline.misbehaviour.catch import CATCH_MEANINGS, CatchParameters
 from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
-from advpipe.stages.evaluate.report.numbers import formatted_number
+from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.v2x.detection import ScoredAttack
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive
+
+DETECTION_NOTE = (
+    "Messages: received by all instrumented vehicles in the bag. A false message is one that an attack made, "
+    "changed or delayed so that it mattered. Latency: from an attacker's first false message to the first "
+    "flagged one. Attackers detected: those with any flagged message. The baseline is built from CaTCH's "
+    "checks; the last column holds what is published for CaTCH on other data."
+)
+VICTIM_NOTE = (
+    "Entries, false, missing and displaced are mean numbers of entries in the vehicle's Local Dynamic Map "
+    "over time: false ones of stations that do not exist, missing ones of stations within 150 m, displaced "
+    "ones more than 3 m off; error: mean distance of entries from their stations. Alarms: collision warnings "
+    "fed by the map; dangers: the same warnings fed by true positions. Honest CAMs received: share of the "
+    "CAMs sent within 300 m that the attack did not touch, in the clean drive → in the attacked one."
+)
 
 
 def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
@@ -21,75 +35,120 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     Without false messages, as where messages are dropped, there is nothing to find and no metric.
     """
     heads = (
-        *("bag", "attack", "messages", "false", "precision", "recall", "F1", "MCC", "latency s", "caught %"),
-        *("baseline precision", "recall", "F1", "MCC", "latency s", "CaTCH published F1"),
+        *("bag", "attack", "messages", "false messages", "precision", "recall", "F1", "MCC", "latency s"),
+        *("attackers detected %", "baseline: precision", "recall", "F1", "MCC", "latency s"),
+        "F1 published for CaTCH",
     )
     lines = []
+    for drive, part in _scored_attacks(attacked):
+        cells = (
+            *_score_cells(part.ours),
+            formatted_number(100 * part.ours.caught, 0),
+            *_score_cells(part.baseline),
+        )
+        lines.append(
+            (
+                drive.name,
+                part.attack,
+                formatted_number(drive.detection.messages, 0),
+                formatted_number(part.false_messages, 0),
+                *(cells if part.false_messages else (NOTHING,) * len(cells)),
+                formatted_number(part.published, 3),
+            )
+        )
+    return Table("Detection of false messages", heads, tuple(lines), DETECTION_NOTE)
+
+
+def detection_overview(attacked: Sequence[EvaluatedDrive]) -> Table:
+    """The main columns of `detection_table`, for a terminal."""
+    heads = ("V2X attack", "received", "false", "recall", "F1", "latency s", "CaTCH F1")
+    lines = []
+    for drive, part in _scored_attacks(attacked):
+        ours = part.ours
+        cells = (
+            *(formatted_number(value, 3) for value in (ours.recall, ours.f1)),
+            formatted_number(ours.latency_s, 2),
+            formatted_number(part.baseline.f1, 3),
+        )
+        lines.append(
+            (
+                part.attack if part.attack.startswith(drive.name) else f"{drive.name}: {part.attack}",
+                formatted_number(drive.detection.messages, 0),
+                formatted_number(part.false_messages, 0),
+                *(cells if part.false_messages else (NOTHING,) * len(cells)),
+            )
+        )
+    title = "V2X detection: messages received, false ones, misbehaviour detector, baseline"
+    return Table(title, heads, tuple(lines))
+
+
+def _scored_attacks(attacked: Sequence[EvaluatedDrive]) -> Iterator[tuple[EvaluatedDrive, ScoredAttack]]:
+    """Each attack of each bag; the whole bag before them where no single attack made all false messages."""
     for drive in attacked:
         each = drive.detection
-        whole = ScoredAttack("all", each.false_messages, each.ours, each.baseline, math.nan)
-        is_one = any(part.false_messages == each.false_messages for part in each.parts)
-        for part in each.parts if is_one else (whole, *each.parts):
-            cells = (
-                *_score_cells(part.ours),
-                formatted_number(100 * part.ours.caught, 0),
-                *_score_cells(part.baseline),
-            )
-            lines.append(
-                (
-                    *(
-                        drive.name,
-                        part.attack,
-                        formatted_number(each.messages, 0),
-                        formatted_number(part.false_messages, 0),
-                    ),
-                    *(cells if part.false_messages else ("–",) * len(cells)),
-                    formatted_number(part.published, 3),
-                )
-            )
-    return Table("Detection of false messages", heads, tuple(lines))
+        if all(part.false_messages != each.false_messages for part in each.parts):
+            yield drive, ScoredAttack("all", each.false_messages, each.ours, each.baseline, math.nan)
+        for part in each.parts:
+            yield drive, part
 
 
 def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
-    """The map, the warnings and the honest messages received of each listener; the clean drive first.
-
-    What is heard compares the same messages, clean → attacked: those that the attack left alone.
-    """
+    """The map, the warnings and the honest messages received of each vehicle; the clean drive first."""
     heads = (
-        *("bag", "vehicle", "entries", "false", "at most", "missing", "displaced", "error m"),
-        *("alarms", "dangers", "false alarms", "misses", "honest CAMs heard %"),
+        *("bag", "vehicle", "entries", "false", "false, maximum", "missing", "displaced", "error m"),
+        *("alarms", "dangers", "false alarms", "missed dangers", "honest CAMs received %"),
     )
+    lines = []
+    for drive in drives:
+        for listener, error in drive.errors.items():
+            row, warned = error.metrics(), drive.warned[listener]
+            counts = (warned.alarms, warned.dangers, warned.false_alarms, warned.misses)
+            lines.append(
+                (
+                    drive.name,
+                    listener,
+                    formatted_number(row.known, 1),
+                    formatted_number(row.false_entries, 2),
+                    formatted_number(row.false_entries_max, 0),
+                    formatted_number(row.missing, 2),
+                    formatted_number(row.displaced, 2),
+                    formatted_number(row.error_m, 2),
+                    *(formatted_number(value, 0) for value in counts),
+                    _honest_received(drives[0], drive, listener),
+                )
+            )
+    return Table("Local Dynamic Map and collision warning", heads, tuple(lines), VICTIM_NOTE)
+
+
+def victim_overview(drives: Sequence[EvaluatedDrive]) -> Table:
+    """The main columns of `victim_table`, for a terminal."""
+    heads = ("LDM", "false", "missing", "displaced", "error m", "false alarms", "missed", "received %")
     lines = []
     for drive in drives:
         for listener, error in drive.errors.items():
             row, warned = error.metrics(), drive.warned[listener]
             lines.append(
                 (
-                    *(
-                        drive.name,
-                        listener,
-                        formatted_number(row.known, 1),
-                        formatted_number(row.false_entries, 2),
-                    ),
-                    *(
-                        formatted_number(row.false_entries_max, 0),
-                        formatted_number(row.missing, 2),
-                        formatted_number(row.displaced, 2),
-                    ),
+                    f"{drive.name}: {listener}",
+                    *(formatted_number(v, 2) for v in (row.false_entries, row.missing, row.displaced)),
                     formatted_number(row.error_m, 2),
-                    *(formatted_number(value, 0) for value in (warned.alarms, warned.dangers)),
                     *(formatted_number(value, 0) for value in (warned.false_alarms, warned.misses)),
-                    " → ".join(
-                        formatted_number(100 * share, 1) for share in _delivered(drives[0], drive, listener)
-                    ),
+                    _honest_received(drives[0], drive, listener),
                 )
             )
-    return Table("Local Dynamic Map and collision warning", heads, tuple(lines))
+    title = (
+        "Local Dynamic Map: mean numbers of false, missing and displaced entries; collision warnings: "
+        "false alarms, missed dangers; honest CAMs received, clean → attacked"
+    )
+    return Table(title, heads, tuple(lines))
 
 
 def radio_table(drives: Sequence[EvaluatedDrive]) -> Table:
-    """The channel that all share."""
-    heads = ("bag", "messages sent", "dropped", "delivered %", "busy %", "busy at most %", "delay ms")
+    """The radio channel of each drive."""
+    heads = (
+        *("bag", "messages sent", "not sent", "delivered %", "channel busy %", "channel busy, maximum %"),
+        "mean delay ms",
+    )
     lines = []
     for drive in drives:
         if (row := drive.radio) is not None:
@@ -101,22 +160,21 @@ def radio_table(drives: Sequence[EvaluatedDrive]) -> Table:
                     formatted_number(1000 * row.delay_s, 2),
                 )
             )
-    return Table("Radio channel: messages of everybody, attackers included", heads, tuple(lines))
+    return Table("Radio channel: messages of all stations, including attackers", heads, tuple(lines))
 
 
 def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_roads: bool) -> Table:
-    """Our checks with their thresholds, and how many false messages each flags."""
+    """The detector's checks with their thresholds, and how many false messages each flags."""
     lines = []
     for name, check in CHECKS.items():
         is_on = name in config.thresholds and (has_roads or name not in NEED_ROADS)
-        above = f"{config.thresholds[name]:.4g} {_unit(check.unit)}".strip() if is_on else "off"
-        how = "tuned" if check.is_tuned else "rule"
-        hits = sum(drive.detection.objections.get(name, 0) for drive in attacked)
-        lines.append(
-            (name, check.meaning, above, how, formatted_number(hits, 0) if is_on else "–", check.source)
-        )
-    heads = ("check", "measures", "objects above", "threshold", "false messages flagged", "after")
-    return Table("Our checks", heads, tuple(lines))
+        threshold = f"{config.thresholds[name]:.4g} {_unit(check.unit)}".strip() if is_on else "off"
+        set_by = "tuning" if check.is_tuned else "rule"
+        flagged = sum(drive.detection.flagged_by_check.get(name, 0) for drive in attacked)
+        flagged_cell = formatted_number(flagged, 0) if is_on else NOTHING
+        lines.append((name, check.meaning, threshold, set_by, flagged_cell, check.source))
+    heads = ("check", "measures", "flags above", "threshold set by", "false messages flagged", "source")
+    return Table("Checks of the misbehaviour detector", heads, tuple(lines))
 
 
 def baseline_table(parameters: CatchParameters) -> Table:
@@ -127,18 +185,20 @@ def baseline_table(parameters: CatchParameters) -> Table:
         for name, value in asdict(parameters).items()
         for unit, checks, meaning in (CATCH_MEANINGS[name],)
     )
-    return Table("The baseline's parameters", ("parameter", "bounds", "checks", "here", "untuned"), lines)
+    heads = ("parameter", "meaning", "checks", "tuned", "default")
+    return Table("Parameters of the baseline (CaTCH's checks)", heads, lines)
 
 
 def _unit(unit: str) -> str:
-    """None of a number alone."""
+    """A unit as tables show it: nothing for a dimensionless number."""
     return "" if unit == "1" else unit
 
 
-def _delivered(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> Iterable[float]:
+def _honest_received(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> str:
+    """The share of untouched CAMs that a vehicle receives, in percent, clean → attacked."""
     honest = drive.honest(listener)
     both = (clean, drive) if drive is not clean else (clean,)
-    return (one.delivered(listener, honest) for one in both)
+    return " → ".join(formatted_number(100 * one.delivered(listener, honest), 1) for one in both)
 
 
 def _score_cells(found: Scores) -> Iterable[str]:

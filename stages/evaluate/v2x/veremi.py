@@ -1,10 +1,10 @@
-"""A drive's V2X in the form of VeReMi, for misbehaviour detectors that read that.
+"""A drive's V2X in the format of VeReMi, for misbehaviour detectors that read it.
 
 van der Heijden et al., "VeReMi", SecureComm 2018, and Kamel et al., "VeReMi Extension", IEEE ICC 2020. JSON,
 one object a line. A file for each vehicle holds its own state (type 2) and what it received (type 3); one
 more holds what was true of everything sent (type 4). Vectors are x, y and 0 on the map; `hed` is a unit
-vector. A CAM tells no error of its own, only how large it may be: the `_noise` of a message is the claimed
-half-width with 95 % along each axis, as CaTCH takes it. Own states are the truth, with noise 0.
+vector. A CAM does not contain its error, only a confidence: the `_noise` of a message is the claimed 95 %
+half-width along each axis, as in CaTCH. Own states are the truth, with noise 0.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ FORMS: Mapping[str, Callable[[Published], int | None]] = {
 }
 """The data sets' numbers of an attack. 0 is honest."""
 FIRST_OF_OURS = 1000
-"""From here on, attacks that a data set does not know, and those of older bags, which do not tell, by name;
-`attacks.json` lists all."""
+"""Numbers from here on stand for attacks that a data set lacks, and for those of older bags, which do not
+record a number; `attacks.json` lists all by name."""
 ATTACKS_FILE, TRACE = "attacks.json", "trace"
 _KIND = FolderKind("VeReMi export", (ATTACKS_FILE, TRACE), (ATTACKS_FILE,))
 _DAY_NS = 86_400_000_000_000
@@ -48,7 +48,7 @@ Line = dict[str, object]
 
 
 class Exported(NamedTuple):
-    """What an export wrote: files of receivers, receptions, messages sent, and numbers of attacks."""
+    """Counts of exported receivers, receptions and sent messages, and the numbers of attacks by name."""
 
     receivers: int
     received: int
@@ -60,16 +60,16 @@ def export_veremi(bag: Path, out: Path, *, form: str = "extension", overwrite: b
     """Writes the folder `out`: attacks.json, and the messages in `trace/`.
 
     form: "extension" or "2018". Every vehicle with a radio is a receiver, instrumented or not, as in VeReMi:
-    the bag tells what the instrumented ones received, and the drive is sent again for the others. Messages
-    that are no CAM, or tell no position, have no form here and are left out. Extension:
+    the bag records what the instrumented ones received, and the radio is simulated again for the others.
+    Messages that are not CAMs or have no position cannot be expressed and are left out. Extension:
     `traceJSON-<id>-<pseudonym>-A<type>-<second>-0.json` and `traceGroundTruthJSON-0.json`, with
     `attackerType` and `RSSI` as the 2018 form has them; that one: `JSONlog-<index>-<id>-A<type>.json` and
     `GroundTruthJSONlog.json`. The type in a name is that of the vehicle, 0 if it never attacks;
-    `attackerType` that of the message, 0 where it is no lie that matters. Of a mix, both are of the attack
+    `attackerType` that of the message, 0 where it is not false. Of a mix, both are of the attack
     that was drawn. Times are seconds of the day that the drive begins on.
 
-    Raises AdvpipeError for a bag without V2X or one that does not tell who truly sent what was received, an
-    unknown form and an `out` that exists.
+    Raises AdvpipeError for a bag without V2X or without true senders, an unknown form and an `out` that
+    exists.
     """
     if form not in FORMS:
         raise UsageError(f"no form of VeReMi is named {form}; known: {', '.join(FORMS)}")
@@ -154,10 +154,10 @@ class _Trace:
             file.writelines(lines)
 
     def _name(self, station: int, begin_ns: int) -> str:
-        kind = self._type_of_station.get(station, 0)
+        attack = self._type_of_station.get(station, 0)
         if self._form == "2018":
-            return f"JSONlog-{self._index[station]}-{station}-A{kind}.json"
-        return f"traceJSON-{station}-{station}-A{kind}-{(begin_ns - self._day_ns) // 10**9}-0.json"
+            return f"JSONlog-{self._index[station]}-{station}-A{attack}.json"
+        return f"traceJSON-{station}-{station}-A{attack}-{(begin_ns - self._day_ns) // 10**9}-0.json"
 
     def _truth_name(self) -> str:
         return "GroundTruthJSONlog.json" if self._form == "2018" else "traceGroundTruthJSON-0.json"
@@ -180,7 +180,7 @@ class _Trace:
         }
         message: Line = {"messageID": one.number}
         rssi: Line = {"RSSI": _finite(10 ** (one.power_dbm / 10))}
-        values = _told(claim)
+        values = _claimed_vectors(claim)
         if self._form == "2018":
             return _line(head | message | _place(values) | _speed(values) | rssi)
         return _line(head | {"senderPseudo": claim.station_id} | message | values | rssi)
@@ -243,8 +243,8 @@ def _claims(sent: Sequence[Sent], geodesy: Geodesy) -> dict[int, Claim]:
     return {one.number: claim for one, claim in zip(sent, claims, strict=True)}
 
 
-def _told(claim: Claim) -> Line:
-    """What a CAM says, as vectors; 0 where it does not tell, since JSON knows no other number."""
+def _claimed_vectors(claim: Claim) -> Line:
+    """The claims of a CAM as vectors; 0 for what it does not contain, since JSON has no NaN."""
     yaw_rad = _finite(claim.yaw_rad)
     heading = (math.cos(yaw_rad), math.sin(yaw_rad))
     speed, faster = _finite(claim.speed_mps), _finite(claim.acceleration_mps2)

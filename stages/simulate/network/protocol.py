@@ -53,9 +53,10 @@ class Network(Protocol):
         ...
 
     def update(self, drivers: Mapping[str, RoadUser], estimates: Mapping[str, Estimate]) -> None:
-        """Set the vehicles on the road now, by id, and the estimates of the instrumented ones among them.
+        """Set the vehicles now on the road, by id, and the estimates of the instrumented ones.
 
-        Pedestrians are not included. A missing vehicle has left, with its radio.
+        Pedestrians are not included. A vehicle that is no longer in `drivers` has left the road with its
+        radio.
         """
         ...
 
@@ -73,5 +74,5 @@ class Network(Protocol):
 
 
 NewNetwork = Callable[[Scenario, Callable[[], None], Sequence[shapely.Polygon] | None], Network]
-"""Makes a network from the scenario, a function that moves all traffic by one step, and the footprints of
-buildings that attenuate signals (None where they do not)."""
+"""Builds a network from the scenario, a function that moves all traffic by one step, and the footprints of
+buildings that attenuate signals (None if they do not)."""

@@ -26,7 +26,7 @@ NETWORKS: Mapping[str, NewNetwork] = {"embedded": _embedded}
 def open_network(
     scenario: Scenario, step_traffic: Callable[[], None], footprints: Sequence[shapely.Polygon] | None
 ) -> Network:
-    """The network that the scenario names; raises UsageError for an unknown or invalid one."""
+    """Build the network that the scenario names; raises UsageError for an unknown or invalid one."""
     name = scenario.v2x.network
     made = find_implementation("v2x.network", name, NETWORKS)(scenario, step_traffic, footprints)
     if not isinstance(made, Network):

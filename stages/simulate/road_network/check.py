@@ -28,7 +28,7 @@ NUMBERS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "junction": {"x": ANYWHERE, "y": ANYWHERE, "z": ANYWHERE},
     "connection": {"fromLane": (0, 1000), "toLane": (0, 1000)},
 }
-"""The least and the greatest value of attributes, where they are given; in metres and m/s."""
+"""The least and greatest allowed values of attributes that are given; in metres and m/s."""
 
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "location": ("netOffset", "convBoundary", "origBoundary", "projParameter"),
@@ -43,16 +43,16 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 def check_network(net: ElementTree.Element, origin: str) -> None:
     """Raise AdvpipeError, naming the element, for anything on which SUMO or the world would fail.
 
-    net: the root of a `.net.xml`. Checked are missing attributes, numbers out of bounds, invalid
-    shapes, and duplicate ids of one kind of element. `origin`: the file's name in messages.
+    net: the root of a `.net.xml`. It checks for missing attributes, numbers out of bounds,
+    invalid shapes, and duplicate ids of edges, lanes or junctions. origin: the file's name in messages.
     """
-    incomplete = "so it is no complete SUMO network; run netconvert"
+    incomplete = "so it is not a complete SUMO network; run netconvert"
     if "version" not in net.attrib:
         raise AdvpipeError(f"{origin}: <net> has no version, {incomplete}")
     if net.find("location") is None:
-        raise AdvpipeError(f"{origin}: no <location> in it, {incomplete}")
+        raise AdvpipeError(f"{origin}: <net> has no <location>, {incomplete}")
     if not any(not edge.get("id", ":").startswith(":") for edge in net.iter("edge")):
-        raise AdvpipeError(f"{origin}: the network holds no road")
+        raise AdvpipeError(f"{origin}: the network contains no road")
     seen: set[tuple[str, str]] = set()
     total_m = 0.0
     for element in net.iter():
@@ -61,20 +61,20 @@ def check_network(net: ElementTree.Element, origin: str) -> None:
         if element.tag in ("edge", "lane", "junction"):
             key = (element.tag, element.attrib["id"])
             if key in seen:
-                raise AdvpipeError(f"{origin}: {_name(element)} is there twice; each id must be unique")
+                raise AdvpipeError(f"{origin}: {_name(element)} occurs twice; each id must be unique")
             seen.add(key)
             total_m += length_m(parse_shape(element.get("shape", "")))
     if total_m > 1000 * MOST_LANES_KM:
         raise AdvpipeError(
-            f"{origin}: its lanes and outlines are {total_m / 1000:.0f} km long, and the world is built of "
-            f"{MOST_LANES_KM:.0f} km at most; cut the map with netconvert --keep-edges.in-boundary"
+            f"{origin}: its lanes and outlines are {total_m / 1000:.0f} km long; at most "
+            f"{MOST_LANES_KM:.0f} km are supported; reduce the map with netconvert --keep-edges.in-boundary"
         )
 
 
 def check_opendrive(root: ElementTree.Element, origin: str) -> None:
     """Raise AdvpipeError for a map on which netconvert would need hours or all memory.
 
-    It samples all curves, and lays out each object as often as it is repeated.
+    It samples all curves, and creates each object as often as it is repeated.
     """
     total_m = objects = 0.0
     for element in root.iter():
@@ -125,12 +125,12 @@ def _shape_problems(element: ElementTree.Element) -> Iterator[str]:
     try:
         shape_m = parse_shape(text)
     except ValueError:
-        yield f"has the shape {reprlib.repr(text)}, which is no list of x,y or x,y,z"
+        yield f"has the shape {reprlib.repr(text)}, which is not a list of x,y or x,y,z"
         return
-    if not (np.abs(shape_m) <= ANYWHERE[1]).all():  # NaN is not, either
+    if not (np.abs(shape_m) <= ANYWHERE[1]).all():  # false for NaN, too
         yield f"has a shape with a coordinate that is not a number from {ANYWHERE[0]:g} to {ANYWHERE[1]:g}"
     if element.tag == "lane" and len(shape_m) < 2:
-        yield f"has a shape of {len(shape_m)} points; a lane needs two at least"
+        yield f"has a shape of {len(shape_m)} points; a lane needs at least two"
 
 
 def _number(text: str) -> float:

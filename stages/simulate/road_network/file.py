@@ -1,4 +1,4 @@
-"""The network file of SUMO: the user's, converted or generated, and checked before SUMO loads it."""
+"""SUMO's network file: the user's, or converted or generated; checked before SUMO loads it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
         root = check_xml(map_file, "map.sumo_net", ("net",), "a SUMO network (.net.xml)")
         prepared = NetworkFile(map_file, map_file, str(map_file))
         check_network(root, prepared.origin)
-    # SUMO loads it in a process of its own: a file that crashes it must not crash us.
+    # SUMO loads it in a separate process, which an invalid file may crash.
     options = ["--net-file", str(prepared.sumo_file), "--begin", "0", "--end", "0.1"]
     done = run_sumo("sumo", [*options, "--no-step-log", "--no-warnings"], prepared.origin)
     if done.returncode != 0:
@@ -55,21 +55,26 @@ def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
     return prepared
 
 
-def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> ElementTree.Element:
-    """The root element of a complete XML file of the right kind. Raises AdvpipeError for any other file."""
+def check_xml(path: Path, key: str, root_tags: tuple[str, ...], description: str) -> ElementTree.Element:
+    """The root element of an XML file with one of the `root_tags`. Raises AdvpipeError for any other file.
+
+    key: of the scenario. description: of the expected file; both for error messages.
+    """
     if not path.is_file():
         hint = f"give its path with --set {key}=FILE"
-        raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
+        raise AdvpipeError(f"{key}: {path} {'is not a file' if path.exists() else 'does not exist'}; {hint}")
     if path.stat().st_size == 0:
         raise AdvpipeError(f"{key}: {path} is empty")
     refuse_xml_bombs(path, f"{key}: {path}")
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, ValueError, UnicodeError, LookupError) as error:
-        raise AdvpipeError(f"{key}: {path} is not {kind}, or is truncated: {error}") from None
+        raise AdvpipeError(f"{key}: {path} is not {description}, or is truncated: {error}") from None
     tag = root.tag.rpartition("}")[2]  # OpenDRIVE from 1.5 on has a namespace
     if tag not in root_tags:
-        raise AdvpipeError(f"{key}: {path} is not {kind}: its root element is <{tag}>, not <{root_tags[0]}>")
+        raise AdvpipeError(
+            f"{key}: {path} is not {description}: its root element is <{tag}>, not <{root_tags[0]}>"
+        )
     return root
 
 
@@ -83,9 +88,9 @@ def sumo_program(name: str) -> str:
 def run_sumo(
     name: str, options: Sequence[str], origin: str, timeout_s: float = TIMEOUT_S
 ) -> subprocess.CompletedProcess[str]:
-    """Runs a SUMO program to its end; raises AdvpipeError where it cannot start or takes over `timeout_s`.
+    """Run a SUMO program to its end; raise AdvpipeError if it cannot start or exceeds `timeout_s`.
 
-    `origin` is how messages name its input.
+    origin: the name of its input in error messages.
     """
     try:
         done = subprocess.run(
@@ -145,7 +150,7 @@ def _generate(generator: Generator, scratch: Path, seed: int) -> Path:
     command += [*GUESSED_LIGHTS, "--no-turnarounds.except-deadend", "true"]
     done = run_sumo("netgenerate", command, "map.generator")
     if done.returncode != 0 or not out.is_file():
-        raise AdvpipeError(f"map.generator: netgenerate cannot make this network: {last_error(done)}")
+        raise AdvpipeError(f"map.generator: netgenerate cannot generate this network: {last_error(done)}")
     text = re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL)
     out.write_text(text, encoding="utf-8")
     return out

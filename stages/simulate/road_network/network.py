@@ -18,10 +18,10 @@ from advpipe.stages.simulate.road_network.file import prepare_network_file
 CAR = "passenger"
 WALKER = "pedestrian"
 FAR_M = 1e5
-"""From the origin; float32 has steps of 8 mm there."""
+"""Largest distance from the origin, where float32 has steps of 8 mm."""
 
 MOST_INNER_LANES = 100
-"""Of one turn over a junction; SUMO itself makes two at most."""
+"""Largest number of inner lanes of one turn over a junction; SUMO creates at most two."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Lane:
 
 @dataclass(frozen=True)
 class Connection:
-    """A way that cars may take from a lane of one edge over a junction to a lane of the next.
+    """A connection for cars from a lane of one edge over a junction to a lane of the next edge.
 
     centre_m: (K, 3), its line within the junction; empty where the two edges meet without one.
     light: id of the traffic light and index in its state, if it has one.
@@ -68,13 +68,14 @@ class Edge:
 
     @property
     def width_m(self) -> float:
+        """The total width of its lanes."""
         return sum(lane.width_m for lane in self.lanes)
 
     @property
     def is_true_to_length(self) -> bool:
         """Whether its lanes for cars are about as long as SUMO counts them.
 
-        A lane that netconvert cut off in a hairpin bend has SUMO drive whole columns on a few metres.
+        On a lane that netconvert truncated in a hairpin bend, SUMO would drive whole queues on a few metres.
         """
         lengths_m = [np.linalg.norm(np.diff(lane.centre_m, axis=0), axis=1).sum() for lane in self.lanes]
         cars = [length_m for length_m, lane in zip(lengths_m, self.lanes, strict=True) if lane.for_cars]
@@ -85,9 +86,9 @@ class Edge:
 class RoadNetwork:
     """The file that SUMO drives on, and its geometry in the map's frame.
 
-    The map's frame is that of the road map which the network was made from: map = network -
+    The map's frame is the frame of the road map from which the network was created: map = network -
     `offset_m`. A network that is geo-referenced, or moved by more than `FAR_M`, keeps its own frame (a zero
-    offset): without its offset it would lie thousands of kilometres from its origin, where float32 has
+    offset): without its offset it would be thousands of kilometres from its origin, where float32 has
     steps of half a metre.
     `map_sha256` is the digest of the user's map file, or of the generated network.
     """
@@ -105,7 +106,8 @@ class RoadNetwork:
 
     @property
     def lanes_m(self) -> list[tuple[Float64, float]]:
-        """Centre line (K, 3) and width of each lane but pavements, over junctions too, in a fixed order."""
+        """Centre line (K, 3) and width of each lane except pavements, also over junctions, in a fixed
+        order."""
         found = []
         for _, edge in sorted(self.edges.items()):
             found += [(lane.centre_m, lane.width_m) for lane in edge.lanes if not lane.is_pavement]
@@ -118,13 +120,13 @@ class RoadNetwork:
 
     @property
     def pavements_m(self) -> list[Float64]:
-        """Centre lines (K, 3) of the lanes for people on foot alone, in a fixed order."""
+        """Centre lines (K, 3) of the lanes for pedestrians only, in a fixed order."""
         edges = [edge for _, edge in sorted(self.edges.items())]
         return [lane.centre_m for edge in edges for lane in edge.lanes if lane.is_pavement]
 
 
 def endless_edges(edges: list[Edge]) -> set[str]:
-    """The edges from which a drive can go on for ever: those that lead to no other such edge drop out."""
+    """Ids of the edges from which a vehicle can drive on for ever: each leads to another such edge."""
     endless = {edge.id for edge in edges}
     while True:
         lasting = {edge.id for edge in edges if edge.id in endless and endless & set(edge.successors)}
@@ -134,9 +136,9 @@ def endless_edges(edges: list[Edge]) -> set[str]:
 
 
 def load_network(source: Map, scratch: Path, seed: int = 0) -> RoadNetwork:
-    """Checks and reads the network of a scenario; what is made of it goes to the `scratch` folder.
+    """Read and check the network of a scenario; converted or generated files go to the `scratch` folder.
 
-    `seed` is that of the scenario; a generated network is drawn from it.
+    seed: of the scenario, for a generated network. Raises AdvpipeError for a missing or invalid map.
     """
     prepared = prepare_network_file(source, scratch, seed)
     network = _read(prepared.sumo_file, prepared.origin, prepared.map_file)
@@ -187,9 +189,11 @@ def _read(sumo_file: Path, origin: str, map_file: Path) -> RoadNetwork:
                 f"{origin}: edge {edge.id!r} lies more than {FAR_M / 1000:g} km from the map's origin, where "
                 "points would be rounded; move the network with netconvert --offset.x and --offset.y"
             )
-    still = next((edge for edge in edges.values() if edge.for_cars and not edge.speed_mps > 0), None)
-    if still is not None:
-        raise AdvpipeError(f"{origin}: edge {still.id!r} is for cars, but its speed is {still.speed_mps:g}")
+    stopped = next((edge for edge in edges.values() if edge.for_cars and not edge.speed_mps > 0), None)
+    if stopped is not None:
+        raise AdvpipeError(
+            f"{origin}: edge {stopped.id!r} is for cars, but its speed is {stopped.speed_mps:g}"
+        )
     digest = hashlib.sha256(map_file.read_bytes()).hexdigest()
     return RoadNetwork(sumo_file, offset, edges, junctions, digest)
 

@@ -17,9 +17,9 @@ SHORT = 0.5
 def repair_lanes(net_file: Path) -> int:
     """Replace truncated lanes in the file by lanes beside their neighbours; return how many.
 
-    netconvert cuts lanes where they meet the outline of a junction. Where a road bends so tightly that
-    its inner lane runs past the junction at its other end, that lane keeps only its first metres, and the
-    length of the whole edge, a mean over its lanes, is wrong with it: vehicles would drive into each other.
+    netconvert cuts lanes where they meet the outline of a junction. Where a road bends so tightly that its
+    inner lane runs past the junction at its other end, that lane keeps only its first metres, and the length
+    of the whole edge, a mean over its lanes, is wrong with it: vehicles would drive into each other.
     """
     tree = ElementTree.parse(net_file)
     repaired: set[str] = set()
@@ -28,15 +28,15 @@ def repair_lanes(net_file: Path) -> int:
         if edge.get("function") == "internal" or len(lanes) < 2:
             continue
         shapes = [_shape(lane) for lane in lanes]
-        whole = max(map(length_m, shapes))
-        cut = [index for index, shape in enumerate(shapes) if length_m(shape) < SHORT * whole]
-        for index in cut:
-            sound = min(set(range(len(lanes))) - set(cut), key=lambda other: abs(other - index))
+        longest_m = max(map(length_m, shapes))
+        truncated = [index for index, shape in enumerate(shapes) if length_m(shape) < SHORT * longest_m]
+        for index in truncated:
+            whole_lane = min(set(range(len(lanes))) - set(truncated), key=lambda other: abs(other - index))
             width_m = float(lanes[index].get("width", "3.2"))
-            shapes[index] = _beside(shapes[sound], (index - sound) * width_m)
+            shapes[index] = _beside(shapes[whole_lane], (index - whole_lane) * width_m)
             lanes[index].set("shape", shape_text(shapes[index]))
             repaired.add(str(lanes[index].get("id")))
-        if cut:
+        if truncated:
             mean_m = np.mean([length_m(shape) for shape in shapes])
             for lane in lanes:
                 lane.set("length", f"{mean_m:.2f}")

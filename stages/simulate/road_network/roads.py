@@ -1,4 +1,4 @@
-"""Where the roads are: their outline, level by level, and the height of their surface."""
+"""The area of the roads, level by level, and the height of their surface."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ FAST_MPS = 20.0
 
 MEDIAN_M = 5.0
 CLEARANCE_M = 2.5
-"""Roads that cross with more than this between them are a bridge and what it spans."""
+"""Roads that cross with more than this height difference are a bridge and the road below it."""
 
 REACH_M = 1.5
-"""A junction begins within so little of the end of a lane that leads to it."""
+"""Largest distance of a junction from the end of a lane that leads to it."""
 
 SAMPLE_M = 2.0
 
 
 @dataclass(frozen=True)
 class RoadLevel:
-    """Roads none of which lies above another.
+    """The roads of one level; none of them lies above another.
 
-    area: the union of their lanes and junctions in x, y. samples_m: points (S, 3) on their lanes with
-    the unit direction and slope of the lane there (S, 3), and whether it is a fast one (S,).
+    area: the union of their lanes and junctions in x, y. samples_m: points (S, 3) on their lanes. courses:
+    (S, 3), unit direction and slope of the lane there. fast: (S,), whether it is a fast road. tree: of the
+    points in x, y.
     """
 
     area: MultiPolygon
@@ -48,7 +49,7 @@ class RoadLevel:
     tree: cKDTree
 
     def height_at(self, xy_m: Float64) -> Float64:
-        """Height at places (..., 2), along the nearest lane's slope: (...,)."""
+        """Height (...,) in metres at places (..., 2), along the nearest lane's slope."""
         _, nearest = self.tree.query(xy_m)
         courses = self.courses[nearest]
         along_m = ((xy_m - self.samples_m[nearest, :2]) * courses[..., :2]).sum(axis=-1)
@@ -69,8 +70,8 @@ class Roads:
     """All roads.
 
     area: the union of all lanes and junctions in x, y. levels: the lowest first.
-    kerbs_m: polylines (K, 3) along streets with a pavement, the road on their left, closed where it
-    runs around a block. verges_m: the same along fast roads and bridges, which have none.
+    kerbs_m: polylines (K, 3) along streets with a pavement, the road on their left, closed around a
+    block. verges_m: the same along fast roads and bridges, which have no pavement.
     medians: narrow islands between carriageways.
     """
 
@@ -82,7 +83,8 @@ class Roads:
     is_flat: bool
 
     def height_at(self, xy_m: Float64) -> Float64:
-        """Height at places (..., 2) of the nearest lane, of the lowest that lie there: (...,)."""
+        """Height (...,) in metres of the nearest lane at places (..., 2); the lowest level wins within 6
+        m."""
         if len(self.levels) == 1:
             return self.levels[0].height_at(xy_m)
         distance_m = np.stack([level.tree.query(xy_m)[0] for level in self.levels])
@@ -93,7 +95,7 @@ class Roads:
 
 
 def lay_out_roads(network: RoadNetwork) -> Roads:
-    """The outlines of all lanes and junctions; gaps of under two metres are closed."""
+    """Compute the outlines of all lanes and junctions; gaps of less than two metres are closed."""
     turns_m = [turn.centre_m for edge in network.edges.values() for turn in edge.connections]
     turns_m = [turn for turn in turns_m if len(turn) > 1]
     middles_m = np.array([turn[len(turn) // 2, :2] for turn in turns_m]).reshape(-1, 2)
@@ -136,7 +138,7 @@ def lay_out_roads(network: RoadNetwork) -> Roads:
 def _level_of_pieces(
     pieces: Sequence[shapely.Geometry], lines: Sequence[list[Float64]]
 ) -> npt.NDArray[np.int64]:
-    """The level (N,) of each piece of road: a bridge is one above what it spans."""
+    """The level (N,) of each piece of road: a bridge is one level above the road below it."""
     trees = [np.concatenate([resample(line, SAMPLE_M) for line in group]) for group in lines]
     index = shapely.STRtree(list(pieces))
     above = []

@@ -10,8 +10,8 @@ from advpipe.pipeline.geometry.transforms import Float64
 def parse_shape(text: str) -> Float64:
     """The points (N, 3) of "x,y x,y,z ...", in metres.
 
-    SUMO leaves z out where it is 0, so that one shape may hold points with and without it. Raises
-    ValueError for what is no such text.
+    SUMO omits a z of 0, so one shape may have points with and without z. Raises ValueError for any other
+    text.
     """
     points = []
     for point in text.split():
@@ -30,5 +30,5 @@ def shape_text(shape_m: Float64) -> str:
 
 
 def length_m(shape_m: Float64) -> float:
-    """Of the polyline through the points (N, 3)."""
+    """The length in metres of the polyline through the points (N, 3)."""
     return float(np.linalg.norm(np.diff(shape_m, axis=0), axis=1).sum())

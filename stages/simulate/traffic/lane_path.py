@@ -18,9 +18,10 @@ LANE_CHANGE_M = 50.0
 
 @dataclass(frozen=True)
 class LanePath:
-    """places_m: (K, 3), about a metre apart. along_m: (K,) driven so far. limits_mps: (K,) of the roads.
+    """A path of K points about a metre apart, in the map's frame.
 
-    lights: stop lines by their place along the path, with the light's id and the index in its state.
+    places_m: (K, 3). along_m: (K,), distance from the start. limits_mps: (K,), speed limits. lights: for each
+    stop line, its distance along the path, the id of its traffic light, and its link's index in the state.
     """
 
     places_m: Float64
@@ -29,7 +30,7 @@ class LanePath:
     lights: tuple[tuple[float, str, int], ...]
 
     def at(self, along_m: Float64 | float) -> Float64:
-        """Places (..., 3) at distances along the path."""
+        """Places (..., 3) at distances (...,) along the path."""
         columns = [np.interp(along_m, self.along_m, self.places_m[:, axis]) for axis in range(3)]
         return np.stack(columns, axis=-1)
 
@@ -58,8 +59,8 @@ def lane_path(network: RoadNetwork, route: Sequence[str], first_lane: int) -> La
 
 
 def _turns(edges: Sequence[Edge], first_lane: int) -> list[Connection]:
-    """One connection between each two edges, such that lanes change least (the shortest path over lanes)."""
-    best: dict[int, tuple[int, list[Connection]]] = {first_lane: (0, [])}  # by the lane one arrives on
+    """One connection between each two edges, with the fewest lane changes (shortest path over lanes)."""
+    best: dict[int, tuple[int, list[Connection]]] = {first_lane: (0, [])}  # by the lane of arrival
     for here, there in pairwise(edges):
         arrivals: dict[int, tuple[int, list[Connection]]] = {}
         for link in here.connections:
@@ -80,7 +81,7 @@ def _along_edge(edge: Edge, enter: int, leave: int) -> Float64:
     if enter == leave:
         return edge.lanes[enter].centre_m
     shares = np.linspace(0.0, 1.0, max(int(edge.length_m / SPACING_M), 8) + 1)
-    first, second = (_by_share(edge.lanes[lane].centre_m, shares) for lane in (enter, leave))
+    first, second = (_at_shares(edge.lanes[lane].centre_m, shares) for lane in (enter, leave))
     change = min(abs(leave - enter) * LANE_CHANGE_M / edge.length_m, 0.8)
     begin = min(0.1, 1.0 - change)
     x = np.clip((shares - begin) / change, 0.0, 1.0)
@@ -89,6 +90,7 @@ def _along_edge(edge: Edge, enter: int, leave: int) -> Float64:
     return mixed
 
 
-def _by_share(line_m: Float64, shares: Float64) -> Float64:
+def _at_shares(line_m: Float64, shares: Float64) -> Float64:
+    """Points (S, 3) at shares (S,) of a polyline's length."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
     return np.stack([np.interp(shares * along[-1], along, line_m[:, axis]) for axis in range(3)], axis=-1)

@@ -25,8 +25,8 @@ def open_traffic(
 ) -> TrafficSource:
     """The source that the scenario names, ready to be entered.
 
-    Raises UsageError for a name that is none and a class of the user's that is no source, and whatever
-    AdvpipeError the source itself raises about the scenario.
+    Raises UsageError for an unknown name or a class that is not a `TrafficSource`, and any AdvpipeError
+    that the source raises about the scenario.
     """
     name = scenario.traffic.source
     source = find_implementation("traffic.source", name, TRAFFIC_SOURCES)

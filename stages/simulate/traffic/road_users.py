@@ -1,4 +1,4 @@
-"""Somebody on or beside the road at one instant."""
+"""A road user at one instant."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from advpipe.stages.simulate.bodies import Variant
 
 @dataclass(frozen=True)
 class RoadUser:
-    """`map_SE3_base` is the pose of base_link: the ground below the centre of the box, x forward.
+    """A vehicle or pedestrian, its pose and its velocity.
 
-    lights: those that are on, as its CAMs tell of them; a source of traffic that knows none leaves them.
+    map_SE3_base: (4, 4), pose of base_link, on the ground below the centre of the box, x forward.
+    velocity_mps: (3,), in the map's axes. lights: those that are on, as its CAMs report them; a source of
+    traffic without lights keeps the default.
     """
 
     id: str
@@ -28,12 +30,13 @@ class RoadUser:
 
     @property
     def position_m(self) -> Float64:
+        """The origin of base_link in the map's frame (3,)."""
         position: Float64 = self.map_SE3_base[:3, 3]
         return position
 
 
 def boxes_of(users: Sequence[RoadUser]) -> Boxes:
-    """Ground truth of road users, in the map's frame."""
+    """The true boxes of N road users in the map's frame: geometry (N, 7), labels, ids, velocities (N, 3)."""
     if not users:
         return Boxes()
     geometry = np.array(

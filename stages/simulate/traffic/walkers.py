@@ -1,4 +1,4 @@
-"""People on foot: they walk along the kerb, to and fro, at a pace of their own."""
+"""Pedestrians who walk back and forth along the kerb, each at a constant speed."""
 
 from __future__ import annotations
 
@@ -22,12 +22,15 @@ PIECE_M = 4.0
 STRAY_M = 0.6
 NEAR_ROUTE_M = 30.0
 NEAR_ROUTE_SHARE = 0.5
-"""This share of the people walks within sight of the instrumented vehicles' routes."""
+"""Share of the pedestrians who walk near the instrumented vehicles' routes."""
 
 
 @dataclass(frozen=True)
 class Walker:
-    """Walks `path_m` (K, 3) from end to end and back; where it is follows from the time alone."""
+    """A pedestrian who walks `path_m` (K, 3) from end to end and back; the pose depends on the time alone.
+
+    start_m: distance along the path, there and back, at time 0.
+    """
 
     id: str
     variant: Variant
@@ -36,7 +39,8 @@ class Walker:
     speed_mps: float
 
     def at(self, time_s: float) -> RoadUser:
-        ends_m, directions = self._pieces
+        """The pedestrian at a time since the recording's start."""
+        ends_m, directions = self._segments
         length_m = ends_m[-1]
         walked_m = (self.start_m + self.speed_mps * time_s) % (2 * length_m)
         outward = walked_m < length_m
@@ -48,8 +52,8 @@ class Walker:
         return RoadUser(self.id, self.variant, se3_from_yaw(position, yaw_rad), direction * self.speed_mps)
 
     @cached_property
-    def _pieces(self) -> tuple[list[float], Float64]:
-        """Where each piece of the path ends, along it, and its direction (K - 1, 3)."""
+    def _segments(self) -> tuple[list[float], Float64]:
+        """The distance along the path of each segment's end, and the segments' directions (K - 1, 3)."""
         pieces = np.diff(self.path_m, axis=0)
         lengths = np.linalg.norm(pieces, axis=1)
         return np.cumsum(lengths).tolist(), pieces / lengths[:, None]
@@ -62,19 +66,19 @@ def draw_walkers(
     routes_m: list[Float64],
     pavements_m: Sequence[Float64] = (),
 ) -> list[Walker]:
-    """The people of a scenario, part of them near the routes (K, 3) of its instrumented vehicles.
+    """The pedestrians of a scenario, some of them near the routes (K, 3) of its instrumented vehicles.
 
-    They walk on the network's own pavements (K, 3) where it has any, or else beside the kerb: SUMO's own
-    pedestrians need pavements in the network, which most OpenDRIVE maps lack.
+    They walk on the network's pavements (K, 3) if it has any, else beside the kerb. SUMO's pedestrians are
+    not used, since they need pavements in the network, which most OpenDRIVE maps lack.
     """
     rng = named_generator(scenario.simulation.seed, "walkers")
     bodies = [variant for variant in variants.values() if variant.body.label == "pedestrian"]
     if pavements_m:
         aside_m, raised_m = 0.0, 0.0
-        paths = [path for line in pavements_m for path in _pieces(resample(line, PIECE_M))]
+        paths = [path for line in pavements_m for path in _paths(resample(line, PIECE_M))]
     else:
         aside_m, raised_m = WALKWAY_OFFSET_M, KERB_M
-        paths = [path for kerb in roads.kerbs_m for path in _pieces(kerb) if _has_room(path, roads)]
+        paths = [path for kerb in roads.kerbs_m for path in _paths(kerb) if _has_room(path, roads)]
     if not paths:
         return []
     lengths = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
@@ -101,14 +105,14 @@ def draw_walkers(
 
 
 def _has_room(kerb_m: Float64, roads: Roads) -> bool:
-    """Whether there is a walkway beside this kerb, and not the next road, as on a narrow median."""
+    """Whether a walkway fits beside this kerb; on a narrow median, the next road takes its place."""
     offsets_m = (WALKWAY_OFFSET_M - STRAY_M, WALKWAY_OFFSET_M + STRAY_M)
     lines = [shapely.LineString(offset_right(kerb_m, offset_m)[:, :2]) for offset_m in offsets_m]
     return not any(roads.area.intersects(line.buffer(0.4)) for line in lines)
 
 
-def _pieces(kerb_m: Float64, points: int = 20) -> list[Float64]:
-    """A kerb cut into walks of some 80 m."""
+def _paths(kerb_m: Float64, points: int = 20) -> list[Float64]:
+    """A kerb divided into paths of some 80 m."""
     starts = range(0, len(kerb_m) - 1, points)
     pieces = [kerb_m[start : start + points + 1] for start in starts]
     return [piece for piece in pieces if len(piece) >= 3 and np.ptp(piece[:, :2]) > 1.0]

@@ -19,8 +19,8 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 class World(Protocol):
     """The world of one drive. `NewWorld` is the constructor's signature.
 
-    roads: where people may walk beside them. footprints: of the buildings, on the map as seen from above.
-    offers: which of the methods of `Surroundings` work in this world.
+    roads: the roads, beside which pedestrians walk. footprints: outlines of the buildings in the map's x-y
+    plane, in metres. offers: the methods of `Surroundings` that work in this world.
     """
 
     @property
@@ -33,13 +33,13 @@ class World(Protocol):
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> Surroundings:
         """The surroundings of one vehicle's sensors at one instant.
 
-        users: all that move at that instant, the carrier itself too. Who stands parked is the world's own.
+        users: all moving road users at that instant, including the carrier. Parked cars belong to the world.
         """
         ...
 
 
 NewWorld = Callable[[Scenario, RoadNetwork, dict[str, Variant]], World]
-"""Makes a world from the scenario, its roads, and the bodies of all who may come into it, by name.
+"""Builds a world from the scenario, its road network, and the bodies of all possible road users, by name.
 
-Raises AdvpipeError for a mesh of the user's that cannot be used.
+Raises AdvpipeError for an unusable mesh of the user.
 """

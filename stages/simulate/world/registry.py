@@ -22,13 +22,18 @@ WORLDS: Mapping[str, NewWorld] = {"raycast": _raycast}
 
 
 def build_world(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
-    """The world that the scenario names; raises UsageError where none fits its sensors."""
+    """Build the world that the scenario names.
+
+    Raises UsageError for an unknown or invalid world, and for one that lacks what the sensors need.
+    """
     name = scenario.world
     made = find_implementation("world", name, WORLDS)(scenario, network, variants)
     if not isinstance(made, World):
-        raise UsageError(f"world {name} is no world: it lacks what stages/simulate/world/protocol.py asks")
+        raise UsageError(
+            f"world {name} is not a world: it lacks members of stages/simulate/world/protocol.py"
+        )
     for vehicle in scenario.vehicles:
-        for key, kind in scenario.sensors.mounted_by(vehicle):
-            if missing := sorted(kind.needs - made.offers):
+        for key, section in scenario.sensors.mounted_by(vehicle):
+            if missing := sorted(section.needs - made.offers):
                 raise UsageError(f"sensors.{key} need {missing[0]}, which the world {name} does not offer")
     return made

@@ -1,1 +1,1 @@
-"""What `advpipe verify` looks at, one noun a file."""
+"""The checks of `advpipe verify`, one subject per file."""

@@ -1,4 +1,4 @@
-"""What an adversarial bag's provenance says was done to its parent, and which messages it may hold."""
+"""The attacks in an adversarial bag's provenance, and the messages that it may contain."""
 
 from __future__ import annotations
 
@@ -23,32 +23,34 @@ from advpipe.stages.verify.subject import Bag
 
 
 class AttackedBag:
-    """An attack and its parent. Raises AdvpipeError or ValueError where what the bag says cannot be read."""
+    """An adversarial bag and its parent. Raises AdvpipeError or ValueError for unreadable provenance."""
 
     def __init__(self, bag: Bag, parent: Bag) -> None:
         self.bag, self.clean, self.adversarial = bag, parent.reader, bag.reader
         self.attacks = bag.provenance.fields.attacks
-        families = {one.family for one in self.attacks}
+        families = {attack.family for attack in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
 
     @cached_property
     def on_messages(self) -> tuple[MessageAttack, ...]:
-        """The attacks on messages and fixes; ValueError where they are none of this version."""
+        """The attacks on messages and fixes; raises ValueError for attacks that this version does not
+        know."""
         return tuple(
             MessageAttack(
                 AttackSpec.model_validate(
-                    {key: value for key, value in one.values.items() if key in AttackSpec.model_fields}
+                    {key: value for key, value in attack.values.items() if key in AttackSpec.model_fields}
                 ),
-                one.family,
-                one.declared,
+                attack.family,
+                attack.declared,
             )
-            for one in self.attacks
-            if one.family != "lidar"
+            for attack in self.attacks
+            if attack.family != "lidar"
         )
 
     @property
     def seed(self) -> int:
+        """The attack's seed; raises ValueError if the bag does not record it."""
         seed = self.bag.provenance.fields.seed
         if seed is None:
             raise ValueError("its provenance records no seed")
@@ -56,16 +58,17 @@ class AttackedBag:
 
     @cached_property
     def start_ns(self) -> int:
-        """When the clean bag begins: what schedules count from."""
-        times_ns = (self.clean.log_times_ns(name) for name in self.clean.topics)
-        return min((int(one[0]) for one in times_ns if len(one)), default=0)
+        """The start of the clean bag, from which schedules count."""
+        times_of_topics = (self.clean.log_times_ns(name) for name in self.clean.topics)
+        return min((int(times_ns[0]) for times_ns in times_of_topics if len(times_ns)), default=0)
 
     def table(self, name: str) -> Path:
+        """The path of a label table of the bag."""
         return self.bag.path / name
 
     @cached_property
     def cloud_topics(self) -> tuple[str, ...]:
-        """The topics whose clouds an attack may have changed, the one that counts the frames first."""
+        """The topics whose clouds an attack may have changed; frames are counted on the first one."""
         if not self.has_clouds:
             return ()
         if "lidar_topics" in self.bag.provenance:
@@ -73,13 +76,13 @@ class AttackedBag:
         else:
             stated = rows(self.table(FRAMES), ["topic"])
             found = [topic for topic, _ in groupby(row["topic"] for row in stated)]
-        first = next(one for one in self.attacks if one.family == "lidar")
+        first = next(attack for attack in self.attacks if attack.family == "lidar")
         leading = first.lidar or VehicleTopics(first.victim or "ego").lidar_points.name
         return tuple(sorted(dict.fromkeys(found), key=lambda name: name != leading))
 
     @cached_property
     def replaced(self) -> frozenset[str]:
-        """The topics that attacks on messages may have written anew."""
+        """The topics that attacks on messages may have rewritten."""
         names: set[str] = set()
         victims: set[str] = set()
         if self.table(fixes.FILE).is_file():
@@ -97,17 +100,17 @@ class AttackedBag:
 
     @cached_property
     def frames(self) -> tuple[range, npt.NDArray[np.int64]] | None:
-        """The frames that the bag holds, and the times of all clouds that count them; None for all."""
+        """The frames in the bag, and the times of all clouds on which they are counted; None for all."""
         if not self.has_clouds or not self.cloud_topics:
             return None
         times_ns = self.clean.log_times_ns(self.cloud_topics[0])
         return FrameSlice.parse(self.bag.provenance.get("frames", "::")).indices(len(times_ns)), times_ns
 
     def kept(self, messages: Iterator[RawMessage]) -> Iterator[RawMessage]:
-        """Those of the clean bag's messages, in log-time order, that belong to the bag's frames.
+        """The clean bag's messages, in log-time order, that belong to the adversarial bag's frames.
 
-        A message belongs to the latest cloud at or before it, or to the first. Where messages are attacked
-        too, only clouds are left out. Latched topics are kept whole.
+        A message belongs to the latest cloud at or before it, or to the first. If messages are attacked
+        too, only clouds are dropped. Latched topics are kept completely.
         """
         if self.frames is None:
             yield from messages
@@ -129,6 +132,7 @@ class AttackedBag:
 
 
 def latched_topics(reader: BagReader) -> frozenset[str]:
+    """The topics with transient-local durability."""
     from rosbags.interfaces import QosDurability
 
     return frozenset(

@@ -15,27 +15,29 @@ from advpipe.stages.verify.subject import Bag, Subject
 
 
 class FolderCheck(ABC):
-    """Looks at all that is verified."""
+    """A check of everything that is verified."""
 
     def __init__(self, subject: Subject) -> None:
         self.subject = subject
 
     @abstractmethod
-    def check(self) -> Iterator[Result]: ...
+    def check(self) -> Iterator[Result]:
+        """Yield everything that is wrong or cannot be checked."""
 
 
 class BagCheck(ABC):
-    """Looks at a bag all of whose messages were read: `scanners` are full."""
+    """A check of a bag after all its messages were read, so that its `scanners` are filled."""
 
     def __init__(self, bag: Bag) -> None:
         self.bag = bag
 
     @abstractmethod
-    def check(self) -> Iterator[Result]: ...
+    def check(self) -> Iterator[Result]:
+        """Yield everything that is wrong or cannot be checked."""
 
 
 class MessageView:
-    """A message as the checks see it, decoded once for all of them."""
+    """A message, decoded once for all checks."""
 
     def __init__(self, bag: Bag, raw: RawMessage) -> None:
         self.bag, self.raw = bag, raw
@@ -43,7 +45,7 @@ class MessageView:
 
     @cached_property
     def message(self) -> Any:
-        """The message; None for one that is damaged, or absurd in a bag of advpipe's; `error` says why."""
+        """The message; None if it is damaged, or implausible in advpipe's bag; `error` is the reason."""
         raw, reader = self.raw, self.bag.reader
         try:
             message = reader.decode_as_it_is(raw)
@@ -63,11 +65,13 @@ class MessageView:
 
     @property
     def where(self) -> str:
+        """The bag and topic, for findings."""
         return f"{self.bag.place} {self.raw.topic.name}"
 
 
 class MessageCheck(BagCheck):
-    """Also sees every message, in the order of the files; `check` comes last."""
+    """A check that also gets every message, in the order of the files; `check` comes last."""
 
     @abstractmethod
-    def see(self, seen: MessageView) -> Iterator[Result]: ...
+    def see(self, view: MessageView) -> Iterator[Result]:
+        """Check one message."""

@@ -16,19 +16,19 @@ from advpipe.stages.verify.subject import Bag
 
 
 class FilesBeside(FolderCheck):
-    """A bag holds the SHA-256 of its labels and of attack.yaml, and metadata.yaml to the byte: it protects
-    them without SHA256SUMS."""
+    """A bag contains the SHA-256 of its labels and of attack.yaml, and a copy of metadata.yaml, so that these
+    files are protected without SHA256SUMS."""
 
     def check(self) -> Iterator[Result]:
         for bag in self.subject.bags:
             try:
-                yield from self._of_bag(bag)
+                yield from self._check_bag(bag)
             except AdvpipeError as error:
                 yield Fault(bag.place, str(error))
             except OSError as error:
                 yield Fault(bag.place, os_error_line(error))
 
-    def _of_bag(self, bag: Bag) -> Iterator[Result]:
+    def _check_bag(self, bag: Bag) -> Iterator[Result]:
         if bag.path.is_file() or not bag.provenance:
             return
         records = [McapFile(file).metadata for file in bag.files]

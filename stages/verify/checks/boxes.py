@@ -1,4 +1,4 @@
-"""Whether the ground-truth boxes hold as many LiDAR points as the bag states."""
+"""Whether the ground-truth boxes contain as many LiDAR points as the bag states."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 MARGIN_M = 1e-5
-"""A point so near to a face may fall on either side of it, as poses go through quaternions. No more: many
-points of the road lie near the lower face."""
+"""Tolerance at faces of boxes, since poses are rounded in quaternions; small, because many points of the road
+lie near the lower face."""
 
 _USERS, _TRUTH = VehicleTopics("").road_users.name, VehicleTopics("").true_odometry.name
 
 
 @dataclass
 class _Instant:
-    """What one vehicle's sensors and truth say at one stamp."""
+    """One vehicle's clouds and ground truth at one stamp."""
 
     stamp_ns: int
     clouds: list[RawMessage] = field(default_factory=list)
@@ -38,30 +38,30 @@ class _Instant:
 
 
 class BoxesHoldPoints(MessageCheck):
-    """Of the clouds of a step together, as the simulation counted them. Attacks change points, not boxes.
+    """Counts the points of all clouds of a step together, as the simulation does; clean bags only.
 
-    With motion distortion, points were counted where they were at the stamp: then a box is as large, and as
-    small, as the vehicle's own motion in one turn may make it.
+    With motion distortion, the simulation counted points at their positions at the stamp, so boxes are
+    enlarged and shrunk by the vehicle's largest own motion in one revolution.
     """
 
     def __init__(self, bag: Bag) -> None:
         super().__init__(bag)
         self._mounts: dict[str, tuple[str, Float64]] = {}
-        self._open: dict[str, _Instant] = {}
-        self._is_on = bag.is_own and not bag.is_attack
+        self._instants: dict[str, _Instant] = {}
+        self._is_active = bag.is_own and not bag.is_attack
         self._lidars: frozenset[str] = frozenset()
         self._has_reported, self._unreadable = False, ""
         try:
-            self._lidars = frozenset(lidar_topics(bag.reader)) if self._is_on else frozenset()
+            self._lidars = frozenset(lidar_topics(bag.reader)) if self._is_active else frozenset()
         except AdvpipeError as error:
             self._unreadable = str(error)
 
-    def see(self, seen: MessageView) -> Iterator[Result]:
-        if not self._is_on:
+    def see(self, view: MessageView) -> Iterator[Result]:
+        if not self._is_active:
             return
-        raw, name = seen.raw, seen.raw.topic.name
-        if name == TF_STATIC.name and seen.message is not None:
-            for transform in seen.message.transforms:
+        raw, name = view.raw, view.raw.topic.name
+        if name == TF_STATIC.name and view.message is not None:
+            for transform in view.message.transforms:
                 base_SE3_child = build.se3_from_transform(transform.transform)
                 self._mounts[transform.child_frame_id] = (transform.header.frame_id, base_SE3_child)
             return
@@ -69,23 +69,23 @@ class BoxesHoldPoints(MessageCheck):
         rest = name.removeprefix(f"/{vehicle}")
         if name not in self._lidars and rest not in (_USERS[1:], _TRUTH[1:]):
             return
-        instant = self._open.get(vehicle)
+        instant = self._instants.get(vehicle)
         if instant is not None and instant.stamp_ns != raw.log_time_ns:
             yield from self._recount(vehicle, instant)
             instant = None
         if instant is None:
-            instant = self._open[vehicle] = _Instant(raw.log_time_ns)
+            instant = self._instants[vehicle] = _Instant(raw.log_time_ns)
         if name in self._lidars:
             instant.clouds.append(raw)
         elif rest == _USERS[1:]:
-            instant.users = seen.message
+            instant.users = view.message
         else:
-            instant.odometry = seen.message
+            instant.odometry = view.message
 
     def check(self) -> Iterator[Result]:
         if self._unreadable:
             yield Unchecked(self.bag.place, f"the LiDAR topics cannot be determined: {self._unreadable}")
-        for vehicle, instant in self._open.items():
+        for vehicle, instant in self._instants.items():
             yield from self._recount(vehicle, instant)
 
     def _recount(self, vehicle: str, instant: _Instant) -> Iterator[Result]:
@@ -127,9 +127,10 @@ class BoxesHoldPoints(MessageCheck):
             )
 
     def _motion_m(self, odometry: Any) -> float:
-        """How far the vehicle's own motion in one turn may carry a point 100 m away."""
+        """The largest displacement, in metres, of a point 100 m away by the vehicle's motion in one
+        revolution."""
         lidars = ((self.bag.scenario or {}).get("sensors") or {}).get("lidars") or {}
-        turns_s = [1 / one["rotation_frequency"] for one in lidars.values() if one["motion_distortion"]]
+        turns_s = [1 / lidar["rotation_frequency"] for lidar in lidars.values() if lidar["motion_distortion"]]
         if not turns_s:
             return 0.0
         linear, angular = odometry.twist.twist.linear, odometry.twist.twist.angular

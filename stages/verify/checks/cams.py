@@ -1,4 +1,4 @@
-"""Whether V2X message labels state exactly what was done to which message, by whom and when."""
+"""Whether V2X message labels state exactly which attacker changed which message, how and when."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
 
 class CamsCheck(BagCheck):
-    """All that was sent, in both bags, by the number of the message: see `message_labels`.
+    """Compares the sent messages of both bags by their numbers; see `message_labels`.
 
-    What vehicles heard of it, their maps and the statistics are not made again.
+    Receptions, Local Dynamic Maps and statistics are not recomputed.
     """
 
     def check(self) -> Iterator[Result]:
@@ -45,7 +45,7 @@ class CamsCheck(BagCheck):
         try:
             with closing(MessageStore()) as store:
                 yield from self._compare(attacked, path, store)
-        except sqlite3.OperationalError as error:  # a full disk
+        except sqlite3.OperationalError as error:  # the disk is full
             yield Unchecked(where, f"not compared, as there is no room for temporary files: {error}")
         except sqlite3.Error:
             yield Fault(where, "holds message numbers that no bag can have")
@@ -60,13 +60,13 @@ class CamsCheck(BagCheck):
                     yield Fault(topic, f"the {name} bag has two messages with number {sent.number}")
         known = flat_columns(path)
         columns = [name for name in MESSAGE_COLUMNS if name not in NEWER_COLUMNS or name in known]
-        if strange := [name for name in NEWER_COLUMNS if name not in known]:
-            yield Unchecked(where, f"{' and '.join(strange)}: not in the form of this version")
+        if missing := [name for name in NEWER_COLUMNS if name not in known]:
+            yield Unchecked(where, f"{' and '.join(missing)}: not in the form of this version")
         for row in rows(path, columns):
-            place = attackers.place(row["attack"], row["station_id"])
-            store.add_label(place, row)
+            index = attackers.index(row["attack"], row["station_id"])
+            store.add_label(index, row)
             if row["action"] == ADDED:
-                store.add_added(place, row)
+                store.add_added(index, row)
         reacts = any(one.spec.dcc_reacts for one in attacked.on_messages)
         labels = MessageLabels(store, attackers, reacts)
         if attackers.undeclared:
@@ -78,7 +78,7 @@ class CamsCheck(BagCheck):
         for diff in store.diffs():
             if diff.labels:
                 yield from (
-                    Fault(where, f"message {diff.number} {what}") for what in labels.first_wrong(diff)
+                    Fault(where, f"message {diff.number} {what}") for what in labels.first_fault(diff)
                 )
             elif diff.forged is not None and diff.forged != diff.clean:
                 yield Fault(topic, f"message {diff.number} differs from the clean bag's and has no label")

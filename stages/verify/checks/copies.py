@@ -1,4 +1,4 @@
-"""Whether an adversarial bag holds what its attack did not touch, byte for byte as the clean bag does."""
+"""Whether an adversarial bag contains everything that its attack did not touch, byte for byte."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from advpipe.stages.verify.result import Fault, Result
 
 
 class _Copy(NamedTuple):
-    """What must be equal of a message and its copy; log_time_ns: 0 of a latched one, which may come later."""
+    """The fields that a message and its copy share; log_time_ns: 0 for a latched message, which may come
+    later."""
 
     log_time_ns: int
     publish_time_ns: int
@@ -23,15 +24,15 @@ class _Copy(NamedTuple):
 
 
 class Copies(BagCheck):
-    """Both bags side by side in log-time order; memory holds the messages of one instant."""
+    """Compares both bags in log-time order; only the messages of one instant are held in memory."""
 
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
             return
         attacked = AttackedBag(self.bag, self.bag.parent)
         untouched = sorted(attacked.clean.topics.keys() - attacked.replaced - set(attacked.cloud_topics))
-        strange = attacked.adversarial.topics.keys() - attacked.clean.topics.keys() - attacked.replaced
-        for name in sorted(strange):
+        unexpected = attacked.adversarial.topics.keys() - attacked.clean.topics.keys() - attacked.replaced
+        for name in sorted(unexpected):
             yield Fault(f"{self.bag.place} {name}", "is not a topic of the clean bag")
         self._latched = latched_topics(attacked.clean)
         counting = attacked.cloud_topics[:1]
@@ -42,7 +43,7 @@ class Copies(BagCheck):
 
     def _compare(self, expected: Iterator[RawMessage], found: Iterator[RawMessage]) -> Iterator[Result]:
         waiting: dict[str, deque[_Copy]] = {}
-        gone: Counter[str] = Counter()
+        missing_counts: Counter[str] = Counter()
         following = next(expected, None)
         for raw in found:
             while following is not None and following.log_time_ns <= raw.log_time_ns:
@@ -51,7 +52,7 @@ class Copies(BagCheck):
                 queue.append(copy)
                 while queue and 0 < queue[0].log_time_ns < raw.log_time_ns:  # its time has passed
                     queue.popleft()
-                    gone[name] += 1
+                    missing_counts[name] += 1
                 following = next(expected, None)
             queue = waiting.setdefault(raw.topic.name, deque())
             copy, where = self._copy(raw), f"{self.bag.place} {raw.topic.name}"
@@ -68,10 +69,10 @@ class Copies(BagCheck):
                 queue.popleft()
                 yield Fault(where, f"the message at {raw.log_time_ns} ns differs from the clean bag's")
         while following is not None:
-            gone[following.topic.name] += 1
+            missing_counts[following.topic.name] += 1
             following = next(expected, None)
-        gone.update({name: len(queue) for name, queue in waiting.items()})
-        for name, count in sorted(gone.items()):
+        missing_counts.update({name: len(queue) for name, queue in waiting.items()})
+        for name, count in sorted(missing_counts.items()):
             if count:
                 yield Fault(f"{self.bag.place} {name}", f"{count} messages of the clean bag are missing")
 

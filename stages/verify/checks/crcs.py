@@ -1,4 +1,4 @@
-"""Whether the checksums in .mcap files are right: those that cover every byte as it is stored."""
+"""Whether the checksums in .mcap files that cover the stored bytes are correct."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Crcs(FolderCheck):
-    """Data section and summary. Where a recorder left those out, chunks are unpacked for their own."""
+    """Checks the data section and the summary, or the chunks of a file without those checksums."""
 
     def check(self) -> Iterator[Result]:
         for bag in track(self.subject.bags, "checksums"):
@@ -24,11 +24,11 @@ class Crcs(FolderCheck):
                 continue
             for file in files:
                 try:
-                    yield from self._of_file(file, bag.place)
+                    yield from self._check_file(file, bag.place)
                 except AdvpipeError as error:
                     yield Fault(self.subject.place(file), str(error))
 
-    def _of_file(self, file: Path, bag: str) -> Iterator[Result]:
+    def _check_file(self, file: Path, bag: str) -> Iterator[Result]:
         found, where = self.subject.scan(file), self.subject.place(file)
         yield from (Fault(where, fault) for fault in found.faults)
         if not found.faults and not found.covered:

@@ -31,15 +31,16 @@ from advpipe.stages.verify.message_store import Row
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
 ROUNDING = 1e-6
-"""In metres, and of an offset: degrees are rounded."""
+"""Tolerance in metres, and relative to an offset, since degrees are rounded."""
 
 
 class Fixes(BagCheck):
-    """Fix by fix, in both bags. Those after a vehicle's last estimate have no label and must be as before.
+    """Compares each fix in both bags. Fixes after a vehicle's last estimate have no label and must be
+    unchanged.
 
-    All columns are compared: with the bags, with the schedules of the attacks that the bag names (`attack`),
-    and with the rules by which they are made (`squared_sigmas`, `mattered`). The victim's filter does not run
-    again: its odometry and /tf are not checked.
+    All columns are compared: with the bags, with the schedules of the declared attacks (`attack`), and with
+    the rules that define them (`squared_sigmas`, `mattered`). The victim's filter is not run again, so its
+    odometry and /tf are not checked.
     """
 
     def check(self) -> Iterator[Result]:
@@ -64,20 +65,20 @@ class Fixes(BagCheck):
             if vehicle not in found:
                 attacks = [
                     _FixAttack(
-                        one.spec.type,
-                        acting_on_fixes(one.spec, vehicle, attacked.start_ns, attacked.seed),
-                        measurable(one.declared.bounds, FIX_QUANTITIES) if one.declared else {},
+                        attack.spec.type,
+                        acting_on_fixes(attack.spec, vehicle, attacked.start_ns, attacked.seed),
+                        measurable(attack.declared.bounds, FIX_QUANTITIES) if attack.declared else {},
                     )
-                    for one in gnss_attacks[vehicle]
+                    for attack in gnss_attacks[vehicle]
                 ]
                 readers = attacked.clean, attacked.adversarial
                 found[vehicle] = _Receiver(vehicle, geodesy, attacks, _pairs(readers, vehicle))
-            what = next(found[vehicle].wrong(row), None)
+            what = next(found[vehicle].faults(row), None)
             if what is not None:
                 yield Fault(where, f"fix {row['fix']} of {vehicle} {what}")
         yield from self._unmeasured(gnss_attacks, found.keys())
         for vehicle, receiver in found.items():
-            if any(_place(clean) != _place(false) for _, clean, false in receiver.pairs):
+            if any(_position(clean) != _position(false) for _, clean, false in receiver.pairs):
                 yield Fault(where, f"fixes of {vehicle} were changed but have no labels")
 
     def _unmeasured(
@@ -97,7 +98,7 @@ class Fixes(BagCheck):
 
 
 class _FixAttack(NamedTuple):
-    """An attack on a victim's fixes, and the bounds that it declares."""
+    """An attack on a victim's fixes, and its declared bounds."""
 
     attack: str
     acts: Acting
@@ -106,7 +107,7 @@ class _FixAttack(NamedTuple):
 
 @dataclass
 class _Receiver:
-    """A victim's fixes in both bags, each with its log time, and the attacks on it."""
+    """A victim's fixes in both bags, each with its log time, and the attacks on them."""
 
     vehicle: str
     geodesy: Geodesy
@@ -114,42 +115,42 @@ class _Receiver:
     pairs: Iterator[tuple[int, Any, Any]]
     count: int = 0
 
-    def wrong(self, row: Row) -> Iterator[str]:
-        """What is wrong with the label of the next fix."""
+    def faults(self, row: Row) -> Iterator[str]:
+        """The faults of the next fix's label."""
         time_ns, clean, false = next(self.pairs, (0, None, None))
         if clean is None or false is None:
             yield "is labelled, but the bags do not hold it"
             return
-        genuine, spoofed = _place(clean), _place(false)
-        # Chance is drawn for each fix of each attack, whichever is on.
-        on = [one for one in self.attacks if genuine is not None and one.acts(time_ns)]
+        genuine, spoofed = _position(clean), _position(false)
+        # Each attack draws a random number for each fix, even while it is not active.
+        active = [attack for attack in self.attacks if genuine is not None and attack.acts(time_ns)]
         self.count += 1
         if row["fix"] != self.count - 1:
             yield f"should be labelled as fix {self.count - 1}"
         if {build.stamp_ns(clean), build.stamp_ns(false)} != {row["stamp_ns"]}:
             yield "has a time stamp that differs from its label's"
-        for kind, place in (("true", genuine), ("false", spoofed)):
-            if [row[f"{kind}_{name}"] for name in GEOGRAPHIC] != (
+        for state, place in (("true", genuine), ("false", spoofed)):
+            if [row[f"{state}_{name}"] for name in GEOGRAPHIC] != (
                 place if place is not None else [None, None, None]
             ):
-                yield f"has a position that differs from its label's {kind}_... columns"
-        attack = on[-1].attack if on else None
+                yield f"has a position that differs from its label's {state}_... columns"
+        attack = active[-1].attack if active else None
         if row["attack"] != attack:
             yield f"is attacked by {attack or 'nothing'}, but its label says {row['attack'] or 'nothing'}"
-        if not on and genuine != spoofed:
+        if not active and genuine != spoofed:
             yield "was changed while no attack was active"
         if spoofed is not None and genuine is not None and not _is_else_same(clean, false):
             yield "was changed in more than its position"
         yield from self._offset(row, genuine, spoofed, clean)
         if spoofed is not None and genuine is not None:
             change = FixChange(self.geodesy.to_map(spoofed) - self.geodesy.to_map(genuine))
-            if what := beyond_all(change, [one.bounds for one in on], FIX_QUANTITIES):
+            if what := beyond_all(change, [each.bounds for each in active], FIX_QUANTITIES):
                 yield f"exceeds the bounds of {attack}: {what}"
 
     def _offset(
         self, row: Row, genuine: list[float] | None, spoofed: list[float] | None, clean: Any
     ) -> Iterator[str]:
-        """The columns that follow from where it was and where it is."""
+        """The columns that follow from the genuine and the spoofed position."""
         offsets = [row[name] for name in OFFSETS]
         if spoofed is None or genuine is None:
             if any(value is not None for value in (*offsets, row["squared_sigmas"])):
@@ -181,8 +182,8 @@ def _pairs(readers: tuple[BagReader, BagReader], vehicle: str) -> Iterator[tuple
     return ((time_ns, was, now) for (time_ns, was), (_, now) in zip(clean, false, strict=False))
 
 
-def _place(fix: Any) -> list[float] | None:
-    """Latitude, longitude and altitude; None where there is no fix."""
+def _position(fix: Any) -> list[float] | None:
+    """Latitude, longitude and altitude; None if there is no fix."""
     values = [fix.latitude, fix.longitude, fix.altitude]
     if fix.status.status < 0 or not all(map(math.isfinite, values)):
         return None
@@ -190,6 +191,6 @@ def _place(fix: Any) -> list[float] | None:
 
 
 def _is_else_same(clean: Any, false: Any) -> bool:
-    kind = VehicleTopics().gnss_fix.type
+    fix_type = VehicleTopics().gnss_fix.type
     back = replace(false, latitude=clean.latitude, longitude=clean.longitude, altitude=clean.altitude)
-    return serialise(back, kind) == serialise(clean, kind)
+    return serialise(back, fix_type) == serialise(clean, fix_type)

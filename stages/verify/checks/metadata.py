@@ -15,11 +15,12 @@ from advpipe.stages.verify.mcap_scanner import McapScanner
 from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 _ERRORS = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
-"""What looking into a document of another shape raises."""
+"""The exceptions of reading a document with another structure."""
 
 
 class MetadataYaml(BagCheck):
-    """Files, counts, times, types and QoS. `FilesBeside` compares it with the bag's own record of it."""
+    """Checks files, counts, times, types and QoS. `FilesBeside` compares the file with its copy in the
+    bag."""
 
     def check(self) -> Iterator[Result]:
         path = self.bag.path / METADATA_NAME
@@ -90,5 +91,5 @@ def _span(prefix: str, stated: dict[str, Any], scanners: list[McapScanner]) -> I
         yield f"{prefix}states a start that differs from the first message's, {min(firsts)} ns"
     if (
         abs(stated["duration"]["nanoseconds"] - (max(lasts) - min(firsts))) > 1
-    ):  # some recorders count the end
+    ):  # some recorders include the end
         yield f"{prefix}states a duration that differs from the messages', {max(lasts) - min(firsts)} ns"

@@ -1,17 +1,19 @@
-"""Whether point labels state exactly what an attack did to each cloud, within its declared bounds."""
+"""Whether point labels state exactly how an attack changed each cloud, within its declared bounds."""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.bounded_parquet import rows
+from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS, read_point_labels
 from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
-from advpipe.pipeline.labels.quantity import Range, beyond_all
+from advpipe.pipeline.labels.quantities import cloud_quantities
+from advpipe.pipeline.labels.quantity import Quantity, Range, beyond_all
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
@@ -19,11 +21,18 @@ from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
 ROUNDING_M = 1e-6
-"""Labels are in single precision; budgets hold to the last bit of the cloud's own."""
+"""Tolerance of labels, which have single precision; budgets are checked on the clouds themselves."""
+
+
+class _DeclaredBounds(NamedTuple):
+    """The bounds of each attack of one name, and the quantities that they bound."""
+
+    bounds: list[dict[str, Range]]
+    quantities: dict[str, Quantity[CloudChange]]
 
 
 class Points(BagCheck):
-    """Clean and adversarial clouds side by side, with the rows of frames.parquet and labels.parquet."""
+    """Compares clean and adversarial clouds with the rows of frames.parquet and labels.parquet."""
 
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
@@ -54,48 +63,51 @@ class Points(BagCheck):
                 return
             if before.topic.name == topics[0] and row["frame"] != next(frames, None):
                 yield Fault(where, f"{FRAMES} counts the cloud at {before.log_time_ns} ns as {row['frame']}")
-            own = None
+            label = None
             if following is not None and (following.topic, following.frame) == (row["topic"], row["frame"]):
-                own, following = following, next(labels, None)
+                label, following = following, next(labels, None)
             old, new = attacked.clean.cloud(before), attacked.adversarial.cloud(after)
             stated = row["topic"], row["stamp_ns"], row["points_clean"], row["points_adversarial"]
             if stated != (before.topic.name, old.stamp_ns, len(old.cloud), len(new.cloud)):
                 yield Fault(where, f"frame {row['frame']}: {FRAMES} does not describe the cloud in the bag")
-            if own is None and before.cdr != after.cdr:
+            if label is None and before.cdr != after.cdr:
                 yield Fault(where, f"frame {row['frame']} differs from the clean one but has no labels")
-            elif own is not None and (old.stamp_ns, old.frame_id) != (new.stamp_ns, new.frame_id):
+            elif label is not None and (old.stamp_ns, old.frame_id) != (new.stamp_ns, new.frame_id):
                 yield Fault(where, f"frame {row['frame']} has a header that differs from the clean one's")
-            elif own is not None:
-                change = CloudChange(old.cloud, new.cloud, own.labels)
-                bounds = declared.get(row["attack"], [])
-                faults = [*label_differences(change)] or [beyond_all(change, bounds, CLOUD_QUANTITIES)]
+            elif label is not None:
+                change = CloudChange(old.cloud, new.cloud, label.labels)
+                faults = [*label_differences(change)]
+                if not faults and (kept := declared.get(row["attack"])):
+                    faults = [beyond_all(change, kept.bounds, kept.quantities)]
                 yield from (Fault(where, f"frame {row['frame']}: {fault}") for fault in faults if fault)
         if following is not None or next(row_of, None) is not None:
             yield Fault(place, "labels frames that the bag does not hold")
         if next(adversarial, None) is not None:
             yield Fault(self.bag.place, "holds clouds that the clean bag does not")
 
-    def _declared(self, attacked: AttackedBag) -> Generator[Result, None, dict[str, list[dict[str, Range]]]]:
-        """The bounds of the attacks on clouds, by name; and which cannot be checked."""
-        found: dict[str, list[dict[str, Range]]] = {}
-        for one in attacked.attacks:
-            if one.family != "lidar":
+    def _declared(self, attacked: AttackedBag) -> Generator[Result, None, dict[str, _DeclaredBounds]]:
+        """Yield bounds that cannot be checked; return the others of the attacks on clouds, by attack."""
+        found: dict[str, _DeclaredBounds] = {}
+        for attack in attacked.attacks:
+            if attack.family != "lidar":
                 continue
-            if one.declared is None:
-                yield Unchecked(self.bag.place, f"bounds of {one.type} {NOT_DECLARED}")
+            if attack.declared is None:
+                yield Unchecked(self.bag.place, f"bounds of {attack.type} {NOT_DECLARED}")
                 continue
-            bounds = one.declared.bounds
-            yield from unmeasurable(self.bag.place, one.type, bounds, CLOUD_QUANTITIES)
+            bounds, quantities = attack.declared.bounds, cloud_quantities(attack.declared.quantities)
+            yield from unmeasurable(self.bag.place, attack.type, bounds, quantities)
             if not bounds:
-                yield Unchecked(self.bag.place, f"{one.type} declares no bounds")
-            found.setdefault(one.type, []).append(measurable(bounds, CLOUD_QUANTITIES))
+                yield Unchecked(self.bag.place, f"{attack.type} declares no bounds")
+            known = found.setdefault(attack.type, _DeclaredBounds([], {}))
+            known.bounds.append(measurable(bounds, quantities))
+            known.quantities.update(quantities)
         return found
 
 
 def label_differences(change: CloudChange) -> Iterator[str]:
-    """Where labels and the real difference between two clouds are not the same.
+    """Differences between the labels and the actual change between two clouds.
 
-    Points that were not removed keep their order; added ones come behind them.
+    Points that were not removed keep their order; added points follow them.
     """
     clean, adversarial, labels = change.clean, change.adversarial, change.labels
     removed, moved, added = (labels.action == action for action in ACTIONS)
@@ -141,6 +153,6 @@ def _distances(
 
 
 def _bytes(cloud: Cloud, name: str | None = None) -> npt.NDArray[np.uint8]:
-    """The points' bytes (N, 22), or those of one field: what is no number equals itself, too."""
+    """The points' bytes (N, 22), or those of one field, so that NaN equals itself."""
     column = np.ascontiguousarray(cloud if name is None else cloud[name])
     return column.view(np.uint8).reshape(len(column), -1)

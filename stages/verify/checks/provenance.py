@@ -9,7 +9,7 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class ProvenanceCheck(BagCheck):
-    """The record in the bag, and the chain of SHA-256 from child to parent."""
+    """Checks the provenance record, and the parent's SHA-256 in it."""
 
     def check(self) -> Iterator[Result]:
         bag = self.bag
@@ -18,7 +18,7 @@ class ProvenanceCheck(BagCheck):
             return
         if not bag.is_attack:
             return
-        if bag.parent is None and any(one.sha256 is None for one in bag.subject.candidates):
+        if bag.parent is None and any(candidate.sha256 is None for candidate in bag.subject.candidates):
             yield Unchecked(
                 bag.place, "its possible parent bag cannot be read, so the attack is verified alone"
             )

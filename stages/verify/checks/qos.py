@@ -1,4 +1,4 @@
-"""Whether topics of advpipe's offer the quality of service, and the type, of the topic table."""
+"""Whether advpipe's topics have the type and quality of service of the topic table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OF_VEHICLES = [name for name, member in vars(VehicleTopics).items() if isinstan
 
 
 class QualityOfService(BagCheck):
-    """Another tool's bag may offer what it likes."""
+    """Checks advpipe's bags only."""
 
     def check(self) -> Iterator[Result]:
         if not self.bag.is_own:
@@ -32,7 +32,7 @@ class QualityOfService(BagCheck):
 
 
 def known_topic(name: str) -> Topic | None:
-    """The topic of this name in the table; None for a name of the user's."""
+    """The topic of this name in the table; None for a user's topic."""
     if name in _GLOBAL:
         return _GLOBAL[name]
     vehicle, _, rest = name.removeprefix("/").partition("/")

@@ -1,4 +1,4 @@
-"""Whether topics have the rates that the scenario asks of them."""
+"""Whether topics have the rates that the scenario sets."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 TOLERANCE = 0.005
-"""Sums of rounded periods may be a little off."""
+"""Relative tolerance, since sums of rounded periods deviate a little."""
 
 RECOVERED_KEY = "recovered"
 
 
 class _Expected(NamedTuple):
-    """A rate, and how many messages that makes; None where unknown."""
+    """A rate, and the resulting number of messages; None if unknown."""
 
     rate_hz: float
     messages: int | None
 
 
 class Rates(MessageCheck):
-    """Of a whole drive that advpipe recorded. Adversarial bags of chosen frames are compared elsewhere."""
+    """Checks clean bags that advpipe recorded; `Copies` compares adversarial bags with them."""
 
     def __init__(self, bag: Bag) -> None:
         super().__init__(bag)
@@ -37,8 +37,8 @@ class Rates(MessageCheck):
         self._last_ns: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
-    def see(self, seen: MessageView) -> Iterator[Result]:
-        name, time_ns = seen.raw.topic.name, seen.raw.log_time_ns
+    def see(self, view: MessageView) -> Iterator[Result]:
+        name, time_ns = view.raw.topic.name, view.raw.log_time_ns
         self._first_ns.setdefault(name, time_ns)
         self._last_ns[name] = time_ns
         self._counts[name] = self._counts.get(name, 0) + 1
@@ -66,9 +66,9 @@ class Rates(MessageCheck):
 
 
 def expected_rates(scenario: Scenario) -> dict[str, _Expected]:
-    """By topic, those that a scenario alone decides.
+    """The rates that a scenario determines, by topic.
 
-    A vehicle that follows a trajectory comes and goes with it: nothing is expected of it.
+    A vehicle with a trajectory may come and go, so its topics have no expected rate.
     """
     clock, sensors = scenario.simulation, scenario.sensors
     step_hz = 1 / clock.step_s
@@ -80,8 +80,8 @@ def expected_rates(scenario: Scenario) -> dict[str, _Expected]:
         topics = VehicleTopics(vehicle)
         for topic in (topics.odometry, topics.true_odometry):
             rates[topic.name] = every_step
-        for kind, sections in sensors.carried_by(vehicle):
-            for name, cadence in kind.cadences(vehicle, sections, clock.step_s).items():
+        for sensor, sections in sensors.carried_by(vehicle):
+            for name, cadence in sensor.cadences(vehicle, sections, clock.step_s).items():
                 messages = None if cadence.steps is None else ceil(clock.frames / cadence.steps)
                 rates[name] = _Expected(cadence.rate_hz, messages)
     return rates

@@ -1,4 +1,4 @@
-"""Whether what vehicles received is what was sent: the truth about receptions against packets and senders."""
+"""Whether received packets match the sent messages that the ground truth of receptions names."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 from advpipe.stages.verify.subject import Bag
 
 KEPT_S = 120
-"""A message waits for at most a minute at its sender, and less at its receiver."""
+"""Sent messages are kept this long; a message waits for at most a minute at its sender, less at its
+receiver."""
 
-_OF_ANY = VehicleTopics("any")
-_PACKETS, _INFOS, _TRUTHS = _KINDS = tuple(
+_ANY = VehicleTopics("any")
+_PACKETS, _INFOS, _TRUTHS = _SUFFIXES = tuple(
     topic.name.removeprefix("/any/")
-    for topic in (_OF_ANY.received_raw, _OF_ANY.reception_info, _OF_ANY.true_receptions)
+    for topic in (_ANY.received_raw, _ANY.reception_info, _ANY.true_receptions)
 )
 """Topics of a vehicle, without its name."""
 
@@ -33,44 +34,44 @@ class _Sent(NamedTuple):
 
 
 class _Arrival:
-    """What one vehicle received at one instant, by kind of topic."""
+    """The messages that one vehicle received at one instant, by topic."""
 
     def __init__(self, stamp_ns: int) -> None:
         self.stamp_ns = stamp_ns
-        self.messages: dict[str, list[Any]] = {kind: [] for kind in _KINDS}
+        self.messages: dict[str, list[Any]] = {suffix: [] for suffix in _SUFFIXES}
 
 
 class ReceptionsCheck(MessageCheck):
-    """In advpipe's bags, of packets as long as they are awaited; attacks that left them alone copy them.
+    """Checks advpipe's bags, except attacks that did not touch messages, since `Copies` compares those.
 
-    Power and SINR are not checked: the radio does not run again.
+    Power and SINR are not checked, since the radio model is not run again.
     """
 
     def __init__(self, bag: Bag) -> None:
         super().__init__(bag)
         self._sent: dict[int, _Sent] = {}
         self._arrivals: dict[str, _Arrival] = {}
-        kinds = {_received(name)[1] for name in bag.reader.topics}
+        suffixes = {_received(name)[1] for name in bag.reader.topics}
         is_copy = bag.is_attack and not (bag.path / FILE).is_file()
-        self._is_expected = bag.is_own and not is_copy and _PACKETS in kinds
-        self._has_truth = _TRUTHS in kinds
+        self._is_expected = bag.is_own and not is_copy and _PACKETS in suffixes
+        self._has_truth = _TRUTHS in suffixes
 
-    def see(self, seen: MessageView) -> Iterator[Result]:
+    def see(self, view: MessageView) -> Iterator[Result]:
         if not self._is_expected or not self._has_truth:
             return
-        name = seen.raw.topic.name
+        name = view.raw.topic.name
         if name == V2X_SENT.name:
-            self._remember(seen)
+            self._remember(view)
             return
-        vehicle, kind = _received(name)
-        if not kind or seen.message is None:
+        vehicle, suffix = _received(name)
+        if not suffix or view.message is None:
             return
-        stamp_ns, known = build.stamp_ns(seen.message), self._arrivals.get(vehicle)
-        if known is None or known.stamp_ns != stamp_ns:
-            if known is not None:
-                yield from self._compare(vehicle, known)
-            known = self._arrivals[vehicle] = _Arrival(stamp_ns)
-        known.messages[kind].append(seen.message)
+        stamp_ns, latest = build.stamp_ns(view.message), self._arrivals.get(vehicle)
+        if latest is None or latest.stamp_ns != stamp_ns:
+            if latest is not None:
+                yield from self._compare(vehicle, latest)
+            latest = self._arrivals[vehicle] = _Arrival(stamp_ns)
+        latest.messages[suffix].append(view.message)
 
     def check(self) -> Iterator[Result]:
         for vehicle, arrival in self._arrivals.items():
@@ -80,9 +81,9 @@ class ReceptionsCheck(MessageCheck):
                 self.bag.place, f"no {_TRUTHS}: the bag does not record which sent messages were received"
             )
 
-    def _remember(self, seen: MessageView) -> None:
-        """Of what was sent; forgets what nobody waits for any more."""
-        if (message := seen.message) is None:
+    def _remember(self, view: MessageView) -> None:
+        """Store a sent message; forget messages older than `KEPT_S`."""
+        if (message := view.message) is None:
             return
         number, request_ns = int(message.number), build.stamp_ns(message)
         self._sent.pop(number, None)
@@ -93,22 +94,22 @@ class ReceptionsCheck(MessageCheck):
             del self._sent[oldest]
 
     def _compare(self, vehicle: str, arrival: _Arrival, is_last: bool = False) -> Iterator[Result]:
-        packets, infos, truths = (arrival.messages[kind] for kind in _KINDS)
-        is_cut = is_last and RECOVERED_KEY in self.bag.provenance
-        for kind, beside in ((_INFOS, infos), (_TRUTHS, truths)):
-            if len(beside) != len(packets) and not is_cut:
+        packets, infos, truths = (arrival.messages[suffix] for suffix in _SUFFIXES)
+        is_truncated = is_last and RECOVERED_KEY in self.bag.provenance
+        for suffix, beside in ((_INFOS, infos), (_TRUTHS, truths)):
+            if len(beside) != len(packets) and not is_truncated:
                 yield Fault(
-                    self._where(vehicle, kind),
+                    self._where(vehicle, suffix),
                     f"holds {len(beside)} messages for the {len(packets)} packets received at "
                     f"{arrival.stamp_ns} ns",
                 )
         for packet, truth in zip(packets, truths, strict=False):
-            if problem := self._wrong(packet, truth, arrival.stamp_ns):
+            if problem := self._mismatch(packet, truth, arrival.stamp_ns):
                 yield Fault(
                     self._where(vehicle, _TRUTHS), f"at {arrival.stamp_ns} ns names message {problem}"
                 )
 
-    def _wrong(self, packet: Any, truth: Any, arrival_ns: int) -> str:
+    def _mismatch(self, packet: Any, truth: Any, arrival_ns: int) -> str:
         number = int(truth.number)
         sent = self._sent.get(number)
         if sent is None:
@@ -122,14 +123,14 @@ class ReceptionsCheck(MessageCheck):
             return f"{number}, whose bytes differ from the received ones"
         return ""
 
-    def _where(self, vehicle: str, kind: str) -> str:
-        return f"{self.bag.place} /{vehicle}/{kind}"
+    def _where(self, vehicle: str, suffix: str) -> str:
+        return f"{self.bag.place} /{vehicle}/{suffix}"
 
 
 def _received(topic: str) -> tuple[str, str]:
-    """The vehicle and the kind of one of its topics; no kind for other topics."""
-    vehicle, _, kind = topic.removeprefix("/").partition("/")
-    return vehicle, kind if kind in _KINDS else ""
+    """The vehicle and the topic without its name; an empty topic for any that is not about receptions."""
+    vehicle, _, suffix = topic.removeprefix("/").partition("/")
+    return vehicle, suffix if suffix in _SUFFIXES else ""
 
 
 def _digest(payload: bytes) -> bytes:

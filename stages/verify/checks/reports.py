@@ -1,4 +1,4 @@
-"""Whether reports are about the bags that lie beside them."""
+"""Whether reports were made from the bags beside them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from advpipe.stages.verify.result import Fault, Result
 
 
 class Reports(FolderCheck):
-    """A report states the SHA-256 of each bag that it compared."""
+    """Compares the SHA-256 of bags in each report with the bags."""
 
     def check(self) -> Iterator[Result]:
         if self.subject.layout is None:

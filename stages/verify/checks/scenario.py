@@ -15,21 +15,21 @@ from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 ATTACK_NAME = "attack.yaml"
-_HIDDEN = ("kind", "scenario")  # what attack.yaml leaves out
+_HIDDEN = ("kind", "scenario")  # keys that attack.yaml omits
 
 
 class ScenarioFiles(MessageCheck):
-    """Compared byte for byte where advpipe itself wrote them."""
+    """Compares the files with the provenance; those that advpipe wrote, byte for byte."""
 
-    def see(self, seen: MessageView) -> Iterator[Result]:
-        if seen.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or seen.message is None:
+    def see(self, view: MessageView) -> Iterator[Result]:
+        if view.raw.topic.name != SCENARIO_INFO.name or self.bag.scenario is None or view.message is None:
             return
         try:
-            document = plain_json.load_json(seen.message.data)
+            document = plain_json.load_json(view.message.data)
         except (ValueError, RecursionError):
             document = None
         if document != self.bag.scenario and document != {}:
-            yield Fault(seen.where, "differs from the scenario in the bag's provenance")
+            yield Fault(view.where, "differs from the scenario in the bag's provenance")
 
     def check(self) -> Iterator[Result]:
         subject, provenance = self.bag.subject, self.bag.provenance
@@ -45,7 +45,7 @@ class ScenarioFiles(MessageCheck):
             yield from self._attack_file()
 
     def _missing(self, where: str) -> Result:
-        """Missing where no checksum list exists; a list itself says which files were shared."""
+        """A fault without a checksum list; with a list, `Checksums` reports missing files."""
         return Unchecked(where, "was not shared") if self.bag.subject.has_sums else Fault(where, "is missing")
 
     def _attack_file(self) -> Iterator[Result]:
@@ -71,7 +71,7 @@ class ScenarioFiles(MessageCheck):
 
 
 def _equals(value: Any, text: str) -> bool:
-    """Whether a value is what a record has as text, or as JSON."""
+    """Whether a value equals a record's text, as it is or as JSON."""
     if value == text:
         return True
     try:

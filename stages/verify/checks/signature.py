@@ -1,4 +1,4 @@
-"""Whether SHA256SUMS is what its signer signed."""
+"""Whether the signature of SHA256SUMS is valid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from advpipe.stages.verify.result import Fault, Result, Unchecked
 
 
 class Signature(FolderCheck):
-    """Checked with the user's key, or with the data set's own, which shows damage but not who signed."""
+    """Checks with the user's key, or with the data set's key, which reveals damage but does not identify the
+    signer."""
 
     def check(self) -> Iterator[Result]:
         root, key = self.subject.root, self.subject.key

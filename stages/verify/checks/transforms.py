@@ -1,4 +1,4 @@
-"""Whether the frames are one tree, in which the frame of every message is found."""
+"""Whether the frames form one tree that contains the frame of every message."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ _ODOMETRY = VehicleTopics().odometry.type
 
 
 class Transforms(MessageCheck):
-    """/tf and /tf_static. Odometry ties its two frames likewise: that of the wheels has its own."""
+    """Checks /tf and /tf_static. Odometry also connects its two frames; wheel odometry has its own frame."""
 
     def __init__(self, bag: Bag) -> None:
         super().__init__(bag)
         self._parents: dict[str, str] = {}
-        self._ties: set[tuple[str, str]] = set()
-        self._used: dict[tuple[str, str], None] = {}
+        self._odometry_pairs: set[tuple[str, str]] = set()
+        self._message_frames: dict[tuple[str, str], None] = {}
 
-    def see(self, seen: MessageView) -> Iterator[Result]:
-        if seen.message is None:
+    def see(self, view: MessageView) -> Iterator[Result]:
+        if view.message is None:
             return
-        if seen.raw.topic.name in (TF.name, TF_STATIC.name):
-            for transform in seen.message.transforms:
+        if view.raw.topic.name in (TF.name, TF_STATIC.name):
+            for transform in view.message.transforms:
                 parent, child = transform.header.frame_id, transform.child_frame_id
                 if self._parents.setdefault(child, parent) != parent:
-                    yield Fault(seen.where, f"{child} has two parents, {self._parents[child]} and {parent}")
-        elif seen.header is not None and seen.header.frame_id:
-            self._used[seen.raw.topic.name, seen.header.frame_id] = None
-            if seen.raw.topic.type == _ODOMETRY:
-                self._ties.add((seen.header.frame_id, seen.message.child_frame_id))
+                    yield Fault(view.where, f"{child} has two parents, {self._parents[child]} and {parent}")
+        elif view.header is not None and view.header.frame_id:
+            self._message_frames[view.raw.topic.name, view.header.frame_id] = None
+            if view.raw.topic.type == _ODOMETRY:
+                self._odometry_pairs.add((view.header.frame_id, view.message.child_frame_id))
 
     def check(self) -> Iterator[Result]:
         where = self.bag.place
         if not self._parents:
-            if self._used:
+            if self._message_frames:
                 yield Unchecked(where, "no transforms: its frames are not connected")
             return
         frames = {*self._parents, *self._parents.values()}
@@ -47,14 +47,14 @@ class Transforms(MessageCheck):
             yield Fault(where, f"the transform tree {found}")
         elif loose := sorted(frames - self._below(roots[0])):
             yield Fault(where, f"the frames {', '.join(loose)} form a cycle")
-        tied = {parent for parent, child in self._ties if child in frames}
-        tied |= {child for parent, child in self._ties if parent in frames}
-        for topic, frame in self._used:
-            if frame not in frames | tied:
+        connected = {parent for parent, child in self._odometry_pairs if child in frames}
+        connected |= {child for parent, child in self._odometry_pairs if parent in frames}
+        for topic, frame in self._message_frames:
+            if frame not in frames | connected:
                 yield Fault(f"{where} {topic}", f"no transform contains its frame {frame!r}")
 
     def _below(self, root: str) -> set[str]:
-        """The root and all frames that hang from it."""
+        """The root and all frames below it."""
         children: dict[str, list[str]] = {}
         for child, parent in self._parents.items():
             children.setdefault(parent, []).append(child)

@@ -1,4 +1,4 @@
-"""Whether the definitions of types are the known ones, and every message is one of its type."""
+"""Whether type definitions match the known ones, and messages match their types."""
 
 from __future__ import annotations
 
@@ -12,47 +12,47 @@ from advpipe.stages.verify.subject import Bag
 
 
 class Types(MessageCheck):
-    """In advpipe's own bags, definitions are ours to the byte; elsewhere, by their RIHS01 hash (REP-2011)."""
+    """Compares definitions byte for byte in advpipe's bags, and by their RIHS01 hash (REP-2011) in others."""
 
     def __init__(self, bag: Bag) -> None:
         super().__init__(bag)
-        self._known: set[str] = set()
-        self._of_others: set[str] = set()
+        self._checked_topics: set[str] = set()
+        self._unreadable: set[str] = set()
 
-    def see(self, seen: MessageView) -> Iterator[Result]:
-        if seen.raw.topic.name not in self._known:
-            self._known.add(seen.raw.topic.name)
-            yield from self._definition(seen)
-        if seen.message is None and seen.raw.topic.name not in self._of_others:
-            yield Fault(seen.where, seen.error)
+    def see(self, view: MessageView) -> Iterator[Result]:
+        if view.raw.topic.name not in self._checked_topics:
+            self._checked_topics.add(view.raw.topic.name)
+            yield from self._definition(view)
+        if view.message is None and view.raw.topic.name not in self._unreadable:
+            yield Fault(view.where, view.error)
 
     def check(self) -> Iterator[Result]:
         return iter(())
 
-    def _definition(self, seen: MessageView) -> Iterator[Result]:
-        raw, name = seen.raw, seen.raw.topic.type
+    def _definition(self, view: MessageView) -> Iterator[Result]:
+        raw, name = view.raw, view.raw.topic.type
         try:
             expected, text = type_hash(name), schema_text(name)
-        except Exception:  # rosbags raises many things for a name that it does not know
+        except Exception:  # rosbags raises many exceptions for an unknown name
             expected, text = "", ""
         if expected and self.bag.is_own:
             if raw.schema != text:
-                yield Fault(seen.where, f"defines {name} differently from advpipe")
+                yield Fault(view.where, f"defines {name} differently from advpipe")
             elif raw.topic.type_hash not in ("", expected):
-                yield Fault(seen.where, f"states a type hash that is not that of {name}")
+                yield Fault(view.where, f"states a type hash that does not match {name}")
             return
         try:
             real = self.bag.reader.type_hash(raw)
         except AdvpipeError as error:
-            self._of_others.add(raw.topic.name)
-            said = Unchecked if expected and not self.bag.provenance else Fault
-            yield said(seen.where, f"messages cannot be read: {error}")
+            self._unreadable.add(raw.topic.name)
+            result_type = Unchecked if expected and not self.bag.provenance else Fault
+            yield result_type(view.where, f"messages cannot be read: {error}")
             return
         if raw.topic.type_hash not in ("", real):
-            yield Fault(seen.where, f"states a type hash that does not match its definition of {name}")
+            yield Fault(view.where, f"states a type hash that does not match its definition of {name}")
         if not expected:
             yield Unchecked(
-                seen.where, f"advpipe does not know the type {name}; the bag's definition is used"
+                view.where, f"advpipe does not know the type {name}; the bag's definition is used"
             )
         elif real != expected:
-            yield Unchecked(seen.where, f"its definition of {name} comes from another release")
+            yield Unchecked(view.where, f"its definition of {name} comes from another release")

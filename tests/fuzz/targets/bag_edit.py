@@ -1,4 +1,4 @@
-"""A bag with other messages and another record of provenance, whole in itself."""
+"""Writes a consistent bag with other messages and another provenance record."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages: every field of every topic's type with values at their ends, lengths, orders and times."""
+"""Messages: every field of every topic's type with extreme values, and other lengths, orders and times."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def weight(topic: str) -> int:
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Every place in a message that holds a number, a text or a sequence."""
+    """The path of every number, string and sequence in a message."""
     if is_dataclass(value):
         names = [f.name for f in fields(value) if f.name != "__msgtype__"]
         return [leaf for name in names for leaf in leaves(getattr(value, name), (*path, name))]
@@ -71,7 +71,7 @@ def put(message: Any, path: tuple[Any, ...], value: Any) -> None:
 
 
 def parts(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Every place in a message that holds a message, its own first."""
+    """The path of every message inside a message, starting with itself."""
     if isinstance(value, list):
         return [part for index, item in enumerate(value[:8]) for part in parts(item, (*path, index))]
     if not is_dataclass(value):
@@ -96,7 +96,7 @@ def filled_part(draw: st.DrawFn, message: Any) -> str:
 
 @st.composite
 def other_values(draw: st.DrawFn, value: Any) -> Any:
-    """Another value that a field of this kind can hold, or nearly."""
+    """Another value that a field of this type can (nearly) hold."""
     if isinstance(value, bool):
         return not value
     if isinstance(value, int):
@@ -136,7 +136,7 @@ def _other_arrays(draw: st.DrawFn, value: np.ndarray) -> np.ndarray:
 @st.composite
 def edited_fields(draw: st.DrawFn, raw: RawMessage) -> tuple[RawMessage, str]:
     """The message with one to three other values."""
-    message_class(raw.topic.type)  # types of CAMs join the store when one is asked for
+    message_class(raw.topic.type)  # adds the types of CAMs to the store
     try:
         message = typestore().deserialize_cdr(raw.cdr, raw.topic.type)
     except SerdeError:
@@ -156,7 +156,7 @@ def edited_fields(draw: st.DrawFn, raw: RawMessage) -> tuple[RawMessage, str]:
     try:
         cdr = serialise(message, raw.topic.type)
     except Exception:
-        reject()  # a value that such a field cannot hold; rosbags says so in many ways
+        reject()  # a value that the field cannot hold; rosbags raises many exceptions for it
     return replace(raw, cdr=cdr), f"{raw.topic.name}: {'; '.join(notes)}"
 
 

@@ -1,4 +1,4 @@
-"""Detectors' files: safetensors of ours, and what torch.save wrote for `import-weights`."""
+"""Detectors' files: advpipe's safetensors, and files of torch.save for `import-weights`."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def safetensors(header: Any, tensors: bytes) -> bytes:
 
 @st.composite
 def our_cases(draw: st.DrawFn, data: bytes) -> Case:
-    """Header, what it says of the network, and numbers."""
+    """Mutations of the header, of the metadata about the network, and of the weights."""
     (length,) = struct.unpack_from("<Q", data)
     header, tensors = json.loads(data[8 : 8 + length]), data[8 + length :]
     edit = draw(st.sampled_from(["about", "about", "about", "header", "header", "numbers", "bytes"]))

@@ -42,7 +42,7 @@ def _each(call: Call) -> Call:
 
 
 def campaign(tree: Path, out: Path) -> None:
-    """What `run` asks of a data set that is there already."""
+    """The checks of `run` on an existing data set."""
     from advpipe.pipeline.campaigns.run import has_drive, is_made_by
     from advpipe.pipeline.scenario import load_scenario
     from advpipe.pipeline.scenario.attacks import attack_spec

@@ -52,13 +52,13 @@ def drive(tree: Path, out: Path) -> None:
     simulate(load_scenario("smoke", [*base.SETTINGS, *changes]), out / "drive")
 
 
-def mended(tree: Path, out: Path) -> None:
-    """What a map goes through after netconvert; for seeds, since netconvert writes no such file on demand."""
+def repaired(tree: Path, out: Path) -> None:
+    """The repair of a map after netconvert; only for seeds, as netconvert writes no such file on demand."""
     repair_lanes(tree / SUMO)
 
 
 CALLS: dict[str, Call] = {
-    "repair": mended,
+    "repair": repaired,
     "simulate": drive,
     "sumo": _load("sumo_net", SUMO),
     "opendrive": _load("opendrive", OPENDRIVE),

@@ -1,4 +1,4 @@
-"""No target of advpipe's: every fault that the fuzzer must see, planted, and two ends that are none."""
+"""A target with planted faults: every type of fault that the fuzzer must find, and two correct outcomes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _refuse(text: str) -> None:
 
 
 def _load(tree: Path, out: Path) -> None:
-    """Not planted: YAML of others, which is read within bounds."""
+    """Not planted: the bounded reader of untrusted YAML."""
     try:
         plain_yaml.load_yaml((tree / FILE).read_text(encoding="utf-8", errors="replace"))
     except Exception as error:

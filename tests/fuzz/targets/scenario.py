@@ -37,13 +37,13 @@ def override(tree: Path, out: Path) -> None:
 
 def attack_parameters(tree: Path, out: Path) -> None:
     """The same settings as those of an attack."""
-    from advpipe.pipeline.cli.attack import _parameters
+    from advpipe.pipeline.cli.attack import given_parameters
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.run import AttackRequest
 
     given = json.loads((tree / SETTINGS).read_text(encoding="utf-8"))
     spec = attack_spec(
-        {"type": "cam-dos", "parameters": _parameters({}, [s.rpartition(".")[2] for s in given])}
+        {"type": "cam-dos", "parameters": given_parameters({}, [s.rpartition(".")[2] for s in given])}
     )
     AttackRequest((spec,), 0).check()
 
@@ -52,7 +52,7 @@ CALLS: dict[str, Call] = {"load": load, "override": override, "attack": attack_p
 
 
 def of_schema(part: dict[str, Any], depth: int = 0) -> st.SearchStrategy[Any]:
-    """Values that a part of the schema allows, as far as it says; now and then others."""
+    """Values that a part of the schema allows, and occasionally others."""
     if "$ref" in part:
         return of_schema(SCHEMA["$defs"][part["$ref"].rpartition("/")[2]], depth)
     choices = part.get("anyOf") or part.get("oneOf")

@@ -11,7 +11,7 @@ import pytest
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli import app
-from advpipe.pipeline.cli.attack import _parameters, attack_command
+from advpipe.pipeline.cli.attack import attack_command, given_parameters
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, AttackSummary
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_parameters_are_read_as_yaml() -> None:
-    assert _parameters(
+    assert given_parameters(
         {}, ["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null", "x_m=1e6"]
     ) == {
         "ratio": 0.1,

@@ -9,7 +9,7 @@ from advpipe.pipeline.core.errors import OutputExistsError
 from advpipe.pipeline.core.leftover_names import is_leftover_name
 
 
-def test_a_file_appears_whole(tmp_path: Path) -> None:
+def test_a_file_appears_only_when_it_is_complete(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(b"old")
     with atomic_file(path) as beside:
@@ -27,7 +27,7 @@ def _umask() -> int:
     return mask
 
 
-def test_a_failed_one_leaves_the_old_file(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(b"old")
     with pytest.raises(TypeError), atomic_file(path) as beside:
@@ -36,7 +36,7 @@ def test_a_failed_one_leaves_the_old_file(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_what_a_killed_run_left_goes_with_the_next_and_a_living_ones_stays(tmp_path: Path) -> None:
+def test_leftovers_of_killed_runs_are_removed_and_files_of_running_ones_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     (tmp_path / ".a.json.advpipe-partial-0123abcd").write_bytes(b"dead")
     (tmp_path / ".b.json.advpipe-partial-0123abcd").write_bytes(b"of another")
@@ -48,12 +48,12 @@ def test_what_a_killed_run_left_goes_with_the_next_and_a_living_ones_stays(tmp_p
     assert {each.name for each in tmp_path.iterdir()} == {"a.json", ".b.json.advpipe-partial-0123abcd"}
 
 
-def test_errors_name_the_file_that_was_asked_for(tmp_path: Path) -> None:
+def test_errors_name_the_final_file(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=re.escape(str(tmp_path / "no" / "a.json"))):
         write_atomically(tmp_path / "no" / "a.json", b"")
 
 
-def test_a_new_text_is_written_whole_and_not_over_another(tmp_path):
+def test_a_new_text_is_written_atomically_and_never_replaces_a_file(tmp_path):
     path = tmp_path / "scenario.schema.json"
     write_new(path, "first\n")
     with pytest.raises(OutputExistsError):

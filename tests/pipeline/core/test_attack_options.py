@@ -10,14 +10,14 @@ from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 
 
-def test_the_command_line_has_their_defaults() -> None:
+def test_the_command_line_has_the_same_defaults() -> None:
     parameters = inspect.signature(attack_command).parameters
     for each in fields(AttackOptions):
         name = "kind" if each.name == "type" else each.name
         assert parameters[name].default == each.default, name
 
 
-def test_the_scenario_file_has_their_defaults_and_helps() -> None:
+def test_the_scenario_file_has_the_same_defaults_and_help() -> None:
     sections = AttackSpec.model_fields | Schedule.model_fields
     for each in fields(AttackOptions):
         if each.name in ("seed", "device"):  # of all attacks: simulation.seed, and `run --device`

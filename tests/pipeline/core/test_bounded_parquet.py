@@ -1,4 +1,4 @@
-"""Parquet of others: a bomb costs one line, and no memory; other tables come out as pyarrow reads them."""
+"""Untrusted Parquet: bombs fail with one line in little memory; valid tables are read as by pyarrow."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ except AdvpipeError as error:
 """
 
 
-def test_rows_are_those_of_pyarrow(tmp_path: Path) -> None:
+def test_rows_equal_those_of_pyarrow(tmp_path: Path) -> None:
     table = pa.table(
         {
             "text": pa.array(["a", None, "größe"] * 9000),
@@ -45,7 +45,7 @@ def test_rows_are_those_of_pyarrow(tmp_path: Path) -> None:
     assert list(rows(tmp_path / "a.parquet", ["word"])) == table.select(["word"]).to_pylist()
 
 
-def test_a_name_that_is_not_utf8(tmp_path: Path) -> None:
+def test_a_file_name_that_is_not_utf8_is_read(tmp_path: Path) -> None:
     table = pa.table({"text": ["a"], "number": [1]})
     pq.write_table(table, tmp_path / "a.parquet")
     odd = tmp_path / os.fsdecode(b"\xff.parquet")
@@ -64,7 +64,7 @@ def test_a_name_that_is_not_utf8(tmp_path: Path) -> None:
         (pa.array([[["x"]]]), "neither numbers nor strings"),
     ],
 )
-def test_bombs(tmp_path: Path, column: pa.Array, reason: str) -> None:
+def test_decompression_bombs_are_refused(tmp_path: Path, column: pa.Array, reason: str) -> None:
     """The first is 16 GiB of text in 46 kB."""
     path = tmp_path / "bomb.parquet"
     pq.write_table(pa.table({"a": column}), path, compression="zstd", store_schema=False)
@@ -74,7 +74,7 @@ def test_bombs(tmp_path: Path, column: pa.Array, reason: str) -> None:
 
 
 @pytest.mark.parametrize("length", [0, 3, 100, 300])
-def test_what_is_cut_off(tmp_path: Path, length: int) -> None:
+def test_truncated_files_are_refused(tmp_path: Path, length: int) -> None:
     pq.write_table(pa.table({"a": [1, 2]}), tmp_path / "a.parquet")
     data = (tmp_path / "a.parquet").read_bytes()
     (tmp_path / "a.parquet").write_bytes(data[:length])
@@ -119,7 +119,7 @@ def equal_rows(path: Path, count: int) -> None:
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
 
 
-def test_a_hundred_million_rows_in_a_small_file_are_refused_at_once(tmp_path: Path) -> None:
+def test_a_hundred_million_rows_in_a_small_file_are_refused_quickly(tmp_path: Path) -> None:
     equal_rows(tmp_path / "a.parquet", 100_000_000)
     assert (tmp_path / "a.parquet").stat().st_size < 2_000_000
     found = measured(tmp_path / "a.parquet")
@@ -136,22 +136,22 @@ def varint(number: int, length: int = 0) -> bytes:
     return bytes([*parts[:-1], parts[-1] & 0x7F])
 
 
-def lying(path: Path, truth: int, lie: int) -> None:
+def with_false_count(path: Path, truth: int, false_count: int) -> None:
     """Replaces a number in the footer."""
-    data, told = path.read_bytes(), varint(truth)
+    data, stated = path.read_bytes(), varint(truth)
     footer = len(data) - 8 - int.from_bytes(data[-8:-4], "little")
-    assert told in data[footer:]
-    path.write_bytes(data[:footer] + data[footer:].replace(told, varint(lie, len(told))))
+    assert stated in data[footer:]
+    path.write_bytes(data[:footer] + data[footer:].replace(stated, varint(false_count, len(stated))))
 
 
-def renamed_chunks(path: Path, name: bytes, told: bytes) -> None:
+def renamed_chunks(path: Path, name: bytes, stated: bytes) -> None:
     """Gives a column another name in the one group of rows, and leaves that of the table."""
     before, found, after = path.read_bytes().rpartition(b"\x19\x18" + bytes([len(name)]) + name)
     assert found
-    path.write_bytes(before + found.replace(name, told) + after)
+    path.write_bytes(before + found.replace(name, stated) + after)
 
 
-def test_a_group_of_rows_with_other_names(tmp_path: Path) -> None:
+def test_a_row_group_with_other_column_names_is_read_by_index(tmp_path: Path) -> None:
     """Arrow reads columns by their places."""
     table = pa.table({"number": [1, 2], "text": ["a", "b"]})
     pq.write_table(table, tmp_path / "a.parquet", store_schema=False)
@@ -159,39 +159,41 @@ def test_a_group_of_rows_with_other_names(tmp_path: Path) -> None:
     assert list(rows(tmp_path / "a.parquet", ["number"])) == table.select(["number"]).to_pylist()
 
 
-def test_a_footer_that_tells_of_fewer_rows_than_there_are_gives_those(tmp_path: Path) -> None:
+def test_a_footer_that_states_too_few_rows_is_followed_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": np.zeros(3_000_001)}), path, row_group_size=3_000_001)
-    lying(path, 3_000_001, 10)
+    with_false_count(path, 3_000_001, 10)
     assert pq.read_metadata(path).num_rows == 10
     found = measured(path)
     assert found.startswith(("10\n", f"{path}: not a complete Parquet file")), found
     assert "True True" in found, found
 
 
-@pytest.mark.parametrize(("name", "told"), [("letter", "letter"), ("letter", "better"), ("let.er", "let.er")])
-def test_a_page_that_unpacks_to_hundreds_of_megabytes_is_refused(
-    tmp_path: Path, name: str, told: str
+@pytest.mark.parametrize(
+    ("name", "stated"), [("letter", "letter"), ("letter", "better"), ("let.er", "let.er")]
+)
+def test_a_page_that_decompresses_to_hundreds_of_megabytes_is_refused(
+    tmp_path: Path, name: str, stated: str
 ) -> None:
     """No more rows than the file may have, but of long texts in one page; the footer says otherwise.
 
-    told: what the group of rows calls the column.
+    stated: the column's name in the row group.
     """
     path = tmp_path / "a.parquet"
     texts = pa.concat_arrays([pa.array(["x" * 75] * (1 << 18))] * 16)
     options = {"use_dictionary": False, "data_page_size": 1 << 30, "max_rows_per_page": 1 << 30}
     pq.write_table(pa.table({name: texts}), path, compression="zstd", row_group_size=1 << 30, **options)
     assert path.stat().st_size < 200_000
-    renamed_chunks(path, name.encode(), told.encode())
-    lying(path, pq.read_metadata(path).row_group(0).column(0).total_uncompressed_size, 1000)
+    renamed_chunks(path, name.encode(), stated.encode())
+    with_false_count(path, pq.read_metadata(path).row_group(0).column(0).total_uncompressed_size, 1000)
     found = measured(path)
     assert "its pages decompress to" in found, found
     assert "True True" in found, found
 
 
 @pytest.mark.parametrize("encoding", ["DELTA_BYTE_ARRAY", "DELTA_LENGTH_BYTE_ARRAY"])
-def test_texts_as_differences_are_refused(tmp_path: Path, encoding: str) -> None:
-    """They unpack at once to as many texts as they say, whatever page and footer say."""
+def test_delta_encoded_strings_are_refused(tmp_path: Path, encoding: str) -> None:
+    """They decode in one step to as many strings as they declare, whatever page and footer declare."""
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": ["x", "xy"]}), path, use_dictionary=False, column_encoding={"a": encoding})
     with pytest.raises(AdvpipeError, match="a has an unsupported encoding"):
@@ -225,7 +227,7 @@ def test_tables_of_all_writers_are_read(tmp_path: Path, options: dict[str, Any])
     assert list(rows(tmp_path / "a.parquet")) == table.to_pylist()
 
 
-def test_a_column_of_another_kind_is_named(tmp_path: Path) -> None:
+def test_an_error_names_a_column_of_another_type(tmp_path: Path) -> None:
     pq.write_table(pa.table({"a": [1, None], "b": ["x", "y"]}), tmp_path / "a.parquet")
     with pytest.raises(AdvpipeError, match="a must be a whole number in every row"):
         list(rows(tmp_path / "a.parquet", {"a": "whole"}))
@@ -242,7 +244,7 @@ def test_a_long_footer_is_not_read(tmp_path: Path) -> None:
         list(rows(tmp_path / "a.parquet"))
 
 
-def test_a_table_without_rows(tmp_path: Path) -> None:
+def test_a_table_without_rows_is_read(tmp_path: Path) -> None:
     """Its only group has a dictionary page for texts, and no data page."""
     path = tmp_path / "empty.parquet"
     schema = pa.schema([("a", pa.int64()), ("b", pa.string())])
@@ -271,8 +273,8 @@ print(refused)
 """
 
 
-def test_no_flipped_bit_of_a_footer_ends_the_process(tmp_path: Path) -> None:
-    """Such as one that makes a column's levels, or its encryption, other than the rest says."""
+def test_no_flipped_bit_in_a_footer_crashes_the_process(tmp_path: Path) -> None:
+    """Such as one that makes a column's levels or encryption inconsistent with the rest."""
     path = tmp_path / "t.parquet"
     pq.write_table(pa.table({"name": ["a", "b"], "x_m": [1.0, 2.0]}), path)
     done = subprocess.run([sys.executable, "-c", FLIPPED, str(path)], capture_output=True, text=True)
@@ -280,7 +282,7 @@ def test_no_flipped_bit_of_a_footer_ends_the_process(tmp_path: Path) -> None:
     assert int(done.stdout) > 1000
 
 
-def test_texts_that_are_not_utf8_are_refused(tmp_path: Path) -> None:
+def test_strings_that_are_not_utf8_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     pq.write_table(pa.table({"name": ["sedan", "estate"]}), path, compression="none")
     path.write_bytes(path.read_bytes().replace(b"sedan", b"s\xe7dan"))

@@ -1,4 +1,4 @@
-"""Every number of a scenario has a least and a most; nonsense is refused with its place."""
+"""Every number of a scenario has bounds; nonsensical values are refused with their place."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ ODD = {
     "v2x.enabled='off'": "enabled: Input should be a valid boolean",
     "environment.weather={kind: rain, rate_mm_per_h: 1e-300}": "rain needs its rate_mm_per_h, of at least",
     "attacks.x.type=" + "x" * 100_000: r"attacks\.x.*at most 200 characters",
-    "sensors.lidars.lidar.preset=" + "x" * 100_000: "preset 'x.* is no known sensor",
+    "sensors.lidars.lidar.preset=" + "x" * 100_000: "preset 'x.* is unknown",
     "x" * 100_000 + "=1": "unknown key",
     "traffic.mix." + "x" * 100_000 + "=1": "at most 200 characters",
     "map.opendrive=" + "x" * 100_000: "at most 4096 characters",
@@ -70,7 +70,7 @@ ODD = {
 
 
 @pytest.mark.parametrize(("override", "message"), ODD.items(), ids=[text[:50] for text in ODD])
-def test_nonsense_is_one_short_line(override: str, message: str) -> None:
+def test_nonsensical_values_give_a_short_one_line_error(override: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         load_scenario("smoke", [override])
     assert len(str(caught.value)) < 500
@@ -87,12 +87,14 @@ HUGE = {
 
 
 @pytest.mark.parametrize(("message", "settings"), HUGE.items(), ids=["bytes", "steps", "rays"])
-def test_what_no_disk_or_memory_holds_is_refused_with_the_estimate(message: str, settings: list[str]) -> None:
+def test_scenarios_too_large_for_disk_or_memory_are_refused_with_the_estimate(
+    message: str, settings: list[str]
+) -> None:
     with pytest.raises(AdvpipeError, match=message):
         load_scenario("smoke", ["simulation.duration_s=1e6", *settings])
 
 
-def test_numbers_may_be_written_as_people_write_them() -> None:
+def test_numbers_may_be_written_in_any_common_form() -> None:
     written = ["sensors.lidars.lidar.points_per_second=1e5", "v2x.radio.frequency_hz=5.9e9"]
     scenario = load_scenario("smoke", [*written, "traffic.vehicles=5.0", "traffic.mix={sedan: 1e3}"])
     assert scenario.sensors.lidars["lidar"].points_per_second == 100_000
@@ -107,7 +109,7 @@ def test_shipped_scenarios_are_within_the_bounds(name: str) -> None:
     assert load_scenario(name).name == name
 
 
-def test_a_section_that_an_anchor_repeats_is_changed_alone(tmp_path: Path) -> None:
+def test_an_override_changes_only_one_copy_of_an_aliased_section(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     lidars = "sensors: {lidars: {a: &l {range: 50}, b: *l}}\n"
     path.write_text(f"name: a\nmap: {{sumo_net: boulevard.net.xml}}\n{lidars}")

@@ -1,4 +1,4 @@
-"""The checksum of the code: worked out by hand, and of all that the results hang on."""
+"""The checksum of the code: it equals one computed by hand, and covers all code that results depend on."""
 
 import ast
 import hashlib
@@ -106,7 +106,7 @@ def package(tmp_path, monkeypatch):
     source_commit.cache_clear()
 
 
-def test_worked_out_by_hand(package):
+def test_the_hash_equals_one_computed_by_hand(package):
     wanted = hashlib.sha256(b"a.py\x006\x00x = 1\nb/deep/c.py\x002\x00y\n").hexdigest()
     assert (
         code_sha256("a.py", "b") == code_sha256("b", "a.py") == code_sha256("a.py", "b", "b/deep") == wanted
@@ -117,7 +117,7 @@ def test_worked_out_by_hand(package):
 
 
 @pytest.mark.parametrize("change", [("a.py", "x = 2\n"), ("b/new.py", ""), ("b/deep/c.py", "z\n")])
-def test_any_change_shows(package, change):
+def test_any_change_of_path_or_text_changes_the_hash(package, change):
     before = code_sha256("a.py", "b")
     (package / change[0]).write_text(change[1])
     assert code_sha256("a.py", "b") == before  # the code that was loaded
@@ -125,7 +125,7 @@ def test_any_change_shows(package, change):
     assert code_sha256("a.py", "b") != before
 
 
-def test_the_commit(package):
+def test_the_commit_is_marked_if_code_differs(package):
     def git(*words):
         person = ("-c", "user.name=A", "-c", "user.email=a@example.org")
         subprocess.run(["git", "-C", str(package), *person, *words], check=True, capture_output=True)
@@ -149,7 +149,7 @@ def _branch(package):
     return (package / ".git/HEAD").read_text().strip().removeprefix("ref: refs/heads/")
 
 
-def test_a_part_that_is_none_is_a_mistake(package):
+def test_a_missing_part_raises_an_error(package):
     shutil.rmtree(package / "b")
     with pytest.raises(FileNotFoundError):
         code_sha256("a.py", "b")
@@ -160,7 +160,7 @@ def test_a_part_that_is_none_is_a_mistake(package):
     [(LIDAR, set()), (SCORING, set()), (MESSAGES, OF_CLOUDS | SCENARIO), (REPORTING, SCENARIO)],
     ids=["clouds", "scores", "messages", "reports"],
 )
-def test_what_the_code_imports_is_in_it(parts, others):
+def test_the_parts_contain_all_that_their_code_imports(parts, others):
     """Every module of ours that these import, but for those that decide no figure: a bag's scenario spells
     out every default, and code of attacks on clouds decides nothing about messages."""
     sources = {source for part in parts for source in code._sources(PACKAGE / part)}
@@ -169,7 +169,7 @@ def test_what_the_code_imports_is_in_it(parts, others):
     assert missing <= NO_FIGURE | others
 
 
-def test_the_parts_are_there():
+def test_every_listed_part_exists():
     assert len({code_sha256(*parts) for parts in (CLOUDS, LIDAR, SCORING, MESSAGES, REPORTING)}) == 5
 
 

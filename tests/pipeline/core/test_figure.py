@@ -32,7 +32,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES, ids=lambda name: ascii(name)[:20])
 @pytest.mark.parametrize("form", ["png", "svg", "pdf"])
-def test_a_name_anywhere(name: str, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_are_drawn_literally_everywhere(name: str, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(MathTextParser, "parse", _refuse_formulas)
     figure = drawing(name)
     stream = io.BytesIO()
@@ -46,7 +46,7 @@ def test_a_name_anywhere(name: str, form: str, monkeypatch: pytest.MonkeyPatch) 
         assert not tags & {"script", "image", "a", "foreignObject"}
 
 
-def test_without_formulas_nothing_changes() -> None:
+def test_a_figure_without_formulas_is_unchanged() -> None:
     from matplotlib.figure import Figure as Plain
 
     assert (pixels(drawing("town 5 %")) == pixels(drawing("town 5 %", Plain))).all()
@@ -56,12 +56,12 @@ def test_without_formulas_nothing_changes() -> None:
     assert (pixels(ours) == pixels(plain)).all()
 
 
-def test_dollars_are_drawn() -> None:
+def test_dollar_signs_are_drawn() -> None:
     assert (pixels(drawing("a$b$c")) != pixels(drawing("abc"))).any()
     assert (pixels(drawing("a" * 300)) == pixels(drawing("a" * (MOST_CHARACTERS - 1) + "…"))).all()
 
 
-def test_every_figure_is_one_of_these() -> None:
+def test_every_figure_of_advpipe_uses_this_class() -> None:
     for path in (*SOURCES.glob("pipeline/**/*.py"), *SOURCES.glob("stages/**/*.py")):
         text = path.read_text(encoding="utf-8")
         if path.name != "figure.py":

@@ -5,20 +5,20 @@ import pytest
 from advpipe.pipeline.core.gc_freeze import gc_frozen
 
 
-def test_what_is_there_is_frozen_within_the_block_only() -> None:
+def test_existing_objects_are_frozen_only_within_the_block() -> None:
     before = gc.get_freeze_count()
     with gc_frozen():
         assert gc.get_freeze_count() > before + 1000
     assert gc.get_freeze_count() == 0
 
 
-def test_also_when_the_block_fails() -> None:
+def test_objects_are_unfrozen_when_the_block_fails() -> None:
     with pytest.raises(ZeroDivisionError), gc_frozen():
         1 / 0  # noqa: B018
     assert gc.get_freeze_count() == 0
 
 
-def test_new_garbage_is_still_found() -> None:
+def test_new_garbage_is_still_collected() -> None:
     class Loop:
         found = 0
 

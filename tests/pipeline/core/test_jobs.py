@@ -1,4 +1,4 @@
-"""Jobs: each runs once, whichever process runs it; failures and deaths are said, orphans end."""
+"""Jobs: each runs once, in whichever process; failures and dead workers are reported, and orphans end."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_every_job_runs_once(prepare: partial[Work], tmp_path: Path, workers: in
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_the_order_of_the_jobs(prepare: partial[Work], workers: int) -> None:
+def test_results_are_in_the_order_of_the_jobs(prepare: partial[Work], workers: int) -> None:
     jobs = range(3, 15)
     assert map_jobs(partial(prepare, None), jobs, "squares", workers) == [job * job for job in jobs]
     assert map_jobs(partial(prepare, None), [], "squares", workers) == []
@@ -76,28 +76,28 @@ def test_few_jobs_start_no_process(prepare: partial[Work], tmp_path: Path) -> No
     assert (tmp_path / "out" / f"process-{os.getpid()}").exists()
 
 
-def test_no_jobs_load_nothing(prepare: partial[Work], tmp_path: Path) -> None:
+def test_without_jobs_nothing_is_loaded(prepare: partial[Work], tmp_path: Path) -> None:
     run_jobs(partial(prepare, None), [], "squares")
     assert not list((tmp_path / "out").iterdir())
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_users_mistake_comes_back_as_itself(prepare: partial[Work], workers: int) -> None:
+def test_a_usage_error_of_a_worker_is_raised_as_one(prepare: partial[Work], workers: int) -> None:
     with pytest.raises(AdvpipeError, match=r"^job 5 is bad$"):
         run_jobs(partial(prepare, 5), range(10), "squares", workers)
 
 
-def test_what_the_system_refuses_a_worker_is_one_line(prepare: partial[Work]) -> None:
+def test_an_os_error_of_a_worker_is_one_line(prepare: partial[Work]) -> None:
     with pytest.raises(AdvpipeError, match=r"nowhere/a: No such file or directory$"):
         run_jobs(partial(prepare, 8), range(10), "squares", 2)
 
 
-def test_a_worker_that_dies_is_said(prepare: partial[Work]) -> None:
+def test_a_dead_worker_is_reported(prepare: partial[Work]) -> None:
     with pytest.raises(AdvpipeError, match="a worker process died"):
         run_jobs(partial(prepare, 6), range(10), "squares", 2)
 
 
-def test_an_unexpected_error_comes_with_its_traceback(prepare: partial[Work]) -> None:
+def test_an_unexpected_error_carries_the_workers_traceback(prepare: partial[Work]) -> None:
     with pytest.raises(
         UnexpectedInWorkerError, match=r"^IndexError: pop from .* \(in a worker process\)$"
     ) as raised:
@@ -135,7 +135,7 @@ needs_proc = pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for pr
 
 @needs_proc
 @pytest.mark.usefixtures("prepare")
-def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with parent_of_workers(tmp_path) as parent:
         wait_until(lambda: len(list(out.glob("*.txt"))) >= 2)
@@ -159,7 +159,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("to_all", [False, True], ids=["parent", "group"])
-def test_a_signal_ends_all_with_one_line(
+def test_a_signal_ends_all_processes_with_one_line(
     tmp_path: Path, number: signal.Signals, line: str, to_all: bool
 ) -> None:
     """While the workers start, and while they work; whether only the parent gets it or, as by ctrl-C, all."""

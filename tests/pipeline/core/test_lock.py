@@ -20,7 +20,7 @@ os.read(0, 1)
 """
 
 
-def test_a_lock_is_one_runs_alone_and_ends_with_it(tmp_path: Path) -> None:
+def test_a_lock_is_exclusive_and_ends_with_its_process(tmp_path: Path) -> None:
     file = tmp_path / LOCK_NAME
     assert not is_locked(file)
     assert not file.exists()
@@ -34,7 +34,7 @@ def test_a_lock_is_one_runs_alone_and_ends_with_it(tmp_path: Path) -> None:
         take_lock(file / "below")
 
 
-def test_a_killed_runs_worker_does_not_keep_its_lock(tmp_path: Path) -> None:
+def test_a_worker_of_a_killed_run_does_not_keep_its_lock(tmp_path: Path) -> None:
     file = tmp_path / LOCK_NAME
     with subprocess.Popen(
         [sys.executable, "-c", HOLD, str(file)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
@@ -50,7 +50,7 @@ def test_a_killed_runs_worker_does_not_keep_its_lock(tmp_path: Path) -> None:
         lock.close()
 
 
-def test_a_lock_that_went_with_its_folder_is_nobodys(tmp_path: Path) -> None:
+def test_a_lock_in_a_removed_folder_is_not_taken(tmp_path: Path) -> None:
     assert take_lock(tmp_path / "gone" / LOCK_NAME) is None
     assert take_stale_lock(tmp_path / "gone" / LOCK_NAME) is None
     (tmp_path / LOCK_NAME).symlink_to(tmp_path / "elsewhere")
@@ -58,7 +58,7 @@ def test_a_lock_that_went_with_its_folder_is_nobodys(tmp_path: Path) -> None:
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_a_folder_goes_and_what_its_links_name_stays(tmp_path: Path) -> None:
+def test_removing_a_folder_keeps_the_targets_of_its_links(tmp_path: Path) -> None:
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "file").touch()
     folder = tmp_path / "folder"

@@ -93,9 +93,7 @@ COMMANDS_AND_LIBRARIES = {
         for case in COMMANDS_AND_LIBRARIES
     ],
 )
-def test_every_command_says_which_system_library_is_missing(
-    case: str, smoke_set: Path, tmp_path: Path
-) -> None:
+def test_every_command_names_a_missing_system_library(case: str, smoke_set: Path, tmp_path: Path) -> None:
     words, module = COMMANDS_AND_LIBRARIES[case]
     broken_copy(module, tmp_path, b"libc.so.6", b"libQ.so.9")
     line = line_of(advpipe(*(word.format(bag=smoke_set) for word in words), shadow=tmp_path))
@@ -103,7 +101,7 @@ def test_every_command_says_which_system_library_is_missing(
 
 
 @linux
-def test_the_package_is_named_where_it_is_known(tmp_path: Path) -> None:
+def test_the_package_of_a_known_library_is_named(tmp_path: Path) -> None:
     if b"libpthread.so.0\0" not in compiled("lz4.frame._frame").read_bytes():
         pytest.skip("this build of lz4 needs no library whose name is as long as libusb's")
     if is_here("libusb-1.0.so.0"):
@@ -153,7 +151,7 @@ def test_a_missing_python_package_is_named(
     assert re.match(expected + "pip install advpipe$", line_of(done))
 
 
-def test_signing_without_the_extra_names_it(smoke_set: Path, tmp_path: Path) -> None:
+def test_signing_without_the_extra_names_the_extra(smoke_set: Path, tmp_path: Path) -> None:
     done = advpipe(
         "share",
         str(smoke_set),
@@ -179,7 +177,7 @@ def absent(module: str, folder: Path) -> Path:
 
 
 @linux
-def test_a_worker_says_it_too(tmp_path: Path) -> None:
+def test_a_worker_reports_a_missing_library_too(tmp_path: Path) -> None:
     broken_copy("zstandard", tmp_path, b"libc.so.6", b"libQ.so.9")
     code = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
@@ -197,7 +195,7 @@ def test_a_worker_says_it_too(tmp_path: Path) -> None:
 
 
 @linux
-def test_a_sumo_program_that_does_not_start_says_why(tmp_path: Path) -> None:
+def test_a_sumo_program_that_does_not_start_is_explained(tmp_path: Path) -> None:
     """libexpat is needed by netconvert; the loader is told of a cut-off one first."""
     (tmp_path / "libexpat.so.1").write_bytes(b"\x7fELF")
     code = (
@@ -212,7 +210,7 @@ def test_a_sumo_program_that_does_not_start_says_why(tmp_path: Path) -> None:
     )
 
 
-def test_wrapped_and_old_messages() -> None:
+def test_wrapped_and_old_messages_are_recognised() -> None:
     """What numpy, a program, glibc and macOS say, as they said it."""
     wrapped = ImportError(
         "IMPORTANT: PLEASE READ THIS\n\nOriginal error was: libgomp.so.1: cannot open "
@@ -237,28 +235,28 @@ def test_wrapped_and_old_messages() -> None:
         OSError("nothing of the loader's"),
     ],
 )
-def test_other_errors_are_none_of_it(error: ImportError | OSError) -> None:
+def test_other_errors_are_not_reported_as_missing_libraries(error: ImportError | OSError) -> None:
     assert missing_library_line(error) is None
 
 
-def test_this_installation_is_whole() -> None:
+def test_this_installation_is_complete() -> None:
     assert problem_of_this_installation() is None
 
 
 @linux
 @pytest.mark.skipif(shutil.which("dpkg-query") is None, reason="asks Debian whose library it is")
 def test_debian_agrees_with_the_table() -> None:
-    asked = 0
+    checked = 0
     for soname, package in DEBIAN_PACKAGES.items():
         done = subprocess.run(["dpkg-query", "--search", f"*/{soname}"], capture_output=True, text=True)
         owners = {line.split(":")[0].removesuffix("t64") for line in done.stdout.splitlines()}
         if done.returncode == 0:
-            asked += 1
+            checked += 1
             assert package in owners, (soname, owners)
-    assert asked > 5
+    assert checked > 5
 
 
-def test_the_documentation_has_every_package_and_line() -> None:
+def test_the_documentation_lists_every_package_and_command() -> None:
     text = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
     for soname, package in DEBIAN_PACKAGES.items():
         assert f"| `{soname}` | `{package}` |" in text

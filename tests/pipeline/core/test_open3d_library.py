@@ -22,7 +22,7 @@ def test_libusb_can_be_loaded_by_its_soname() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all of Open3D is loaded")
-def test_the_compiled_part_is_loaded_alone_and_the_rest_where_it_is_asked_for() -> None:
+def test_only_the_compiled_part_is_loaded_until_open3d_is_imported() -> None:
     code = (
         "import sys\n"
         "from advpipe.pipeline.core.open3d_library import o3d\n"

@@ -1,4 +1,4 @@
-"""Options of one model: what a parser is told of them, and their bounds."""
+"""Options of one dataclass: the keyword arguments for a parser, and the bounds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Rounds:
         check_bounds(self)
 
 
-def test_help_bounds_and_defaults() -> None:
+def test_options_have_help_bounds_and_defaults() -> None:
     assert parser_options(Rounds, "rounds") == {"help": "How often.", "min": 1}
     assert parser_options(Rounds, "name") == {"help": "Whose."}
     assert Rounds.rounds == Rounds().rounds == 3
@@ -41,6 +41,6 @@ def test_bounds_are_checked(given: dict[str, int], message: str) -> None:
 
 
 @pytest.mark.parametrize("model", [Options, SweepOptions])
-def test_bounds_hold_without_the_command_line(model: type) -> None:
+def test_bounds_apply_without_the_command_line(model: type) -> None:
     with pytest.raises(UsageError, match="seed is -1, but must be 0 or more"):
         model(seed=-1)

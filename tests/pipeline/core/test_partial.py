@@ -14,7 +14,7 @@ def never(path: Path) -> bool:
     return False
 
 
-def test_a_folder_appears_whole(tmp_path: Path) -> None:
+def test_a_folder_appears_only_when_it_is_complete(tmp_path: Path) -> None:
     folder = PartialFolder(tmp_path / "new" / "out")
     (folder.path / "a").write_text("1")
     assert not (tmp_path / "new" / "out").exists()
@@ -23,7 +23,7 @@ def test_a_folder_appears_whole(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "new" / "out").iterdir()] == ["a"]
 
 
-def test_a_folder_that_is_filled_is_not_removed_by_the_next_run(tmp_path: Path) -> None:
+def test_a_folder_in_use_is_not_removed_by_another_run(tmp_path: Path) -> None:
     living = PartialFolder(tmp_path / "o[u]t")
     dead = PartialFolder(tmp_path / "o[u]t")
     dead._lock.close()  # as the kernel does when a process is killed
@@ -34,7 +34,7 @@ def test_a_folder_that_is_filled_is_not_removed_by_the_next_run(tmp_path: Path) 
     assert other.path.is_dir()
 
 
-def test_what_is_there_stays_unless_it_may_be_replaced(tmp_path: Path) -> None:
+def test_an_existing_folder_is_kept_unless_it_may_be_replaced(tmp_path: Path) -> None:
     final = tmp_path / "out"
     final.mkdir()
     (final / "old").touch()
@@ -51,14 +51,14 @@ def test_what_is_there_stays_unless_it_may_be_replaced(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_others_may_read_it(tmp_path: Path) -> None:
+def test_the_folder_is_readable_by_other_users(tmp_path: Path) -> None:
     folder = PartialFolder(tmp_path / "out")
     folder.commit(never)
     assert (tmp_path / "out").stat().st_mode & 0o777 == 0o755
     shutil.rmtree(tmp_path / "out")
 
 
-def test_parents_made_for_a_folder_go_with_it(tmp_path: Path) -> None:
+def test_parents_made_for_a_discarded_folder_are_removed(tmp_path: Path) -> None:
     PartialFolder(tmp_path / "a" / "b" / "out").discard()
     assert not list(tmp_path.iterdir())
     first, second = PartialFolder(tmp_path / "a" / "one"), PartialFolder(tmp_path / "a" / "two")
@@ -80,7 +80,7 @@ def contents(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_what_is_not_made_anew_stays(tmp_path: Path) -> None:
+def test_items_that_are_not_made_anew_are_kept(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("keep")
     for value in ("1", "2"):
@@ -89,7 +89,7 @@ def test_what_is_not_made_anew_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["info", "data/mine"])
-def test_items_of_somebody_else_are_not_replaced(tmp_path: Path, name: str) -> None:
+def test_foreign_items_are_not_replaced(tmp_path: Path, name: str) -> None:
     (tmp_path / "out" / name).parent.mkdir(parents=True)
     (tmp_path / "out" / name).write_text("keep")
     with pytest.raises(AdvpipeError, match=r"but no data/mark, so it is not a thing; it is not replaced"):
@@ -97,7 +97,7 @@ def test_items_of_somebody_else_are_not_replaced(tmp_path: Path, name: str) -> N
     assert contents(tmp_path) == {f"out/{name}": "keep"}
 
 
-def test_a_folder_that_appears_meanwhile_stays(tmp_path: Path) -> None:
+def test_a_folder_that_another_run_makes_meanwhile_is_kept(tmp_path: Path) -> None:
     staged = staged_folder(tmp_path / "out", False, KIND)
     (staged.__enter__() / "info").write_text("new")
     (tmp_path / "out").mkdir()

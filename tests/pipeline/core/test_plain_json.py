@@ -1,4 +1,4 @@
-"""JSON that Python's own reader takes, and that no other program or file name could, is refused."""
+"""JSON that Python's reader accepts but other programs or file names cannot hold is refused."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SOURCES = Path(__file__).parents[3]
     ],
     ids=lambda text: text[:20],
 )
-def test_plain_values(text: str) -> None:
+def test_plain_values_are_read(text: str) -> None:
     assert load_json(text) == load_json(text.encode()) == json.loads(text)
 
 
@@ -57,12 +57,12 @@ def test_plain_values(text: str) -> None:
     ],
     ids=lambda text: ascii(text)[:20],
 )
-def test_what_is_refused(text: str, what: str) -> None:
+def test_invalid_texts_are_refused(text: str, what: str) -> None:
     with pytest.raises(ValueError, match=what):
         load_json(text)
 
 
-def test_bytes_that_are_no_text() -> None:
+def test_bytes_that_are_not_utf8_are_refused() -> None:
     for data in (b"\xff", b'"\xed\xa0\x80"', b"{\x00}", " ".encode("utf-16")):
         with pytest.raises(ValueError, match=r".") as caught:
             load_json(data)
@@ -70,7 +70,7 @@ def test_bytes_that_are_no_text() -> None:
 
 
 @pytest.mark.parametrize("text", ["[" * LIMIT_BYTES, "[]" * 500 + '"' + '\\"' * 1_000_000, '["a' * 500_000])
-def test_no_text_takes_long(text: str) -> None:
+def test_no_text_takes_long_to_read(text: str) -> None:
     start_s = time.process_time()
     with pytest.raises(ValueError, match=r"levels|Extra data|delimiter"):
         load_json(text)
@@ -92,7 +92,7 @@ OTHERS = {
 }
 
 
-def test_nothing_else_reads_such_texts() -> None:
+def test_no_other_code_reads_untrusted_json() -> None:
     """Whatever comes from outside goes through one of the loaders, which have bounds."""
     read = re.compile(
         r"(?<!plain_)json\.loads?\(|JSONDecoder|(?<!plain_)yaml\.\w*load\w*\(|YAML\(|from_geojson|validate_json\("

@@ -1,4 +1,4 @@
-"""YAML that PyYAML itself stumbles over, or takes for ever for, is refused in the way callers know."""
+"""YAML on which PyYAML crashes or takes too long is refused with the documented exceptions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import yaml
 from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, MOST_LEVELS, load_yaml
 
 
-def test_plain_values() -> None:
+def test_plain_values_are_read() -> None:
     text = "a: [1, 0x10, -2.5, 1:30, .inf, true, null, '1', 2026-01-02]\nb: {c: größe}\n"
     assert load_yaml(text) == yaml.safe_load(text)
 
@@ -34,12 +34,12 @@ def test_plain_values() -> None:
     ],
     ids=lambda text: text[:20],
 )
-def test_what_is_refused(text: str) -> None:
+def test_invalid_texts_are_refused(text: str) -> None:
     with pytest.raises((yaml.YAMLError, ValueError)):
         load_yaml(text)
 
 
-def test_long_numbers_take_no_time() -> None:
+def test_long_numbers_are_refused_quickly() -> None:
     start_s = time.process_time()
     with pytest.raises(ValueError, match="a number has"):
         load_yaml("1" + ":1" * (LIMIT_BYTES // 2 - 1))
@@ -59,6 +59,6 @@ def test_long_numbers_take_no_time() -> None:
     ],
     ids=ascii,
 )
-def test_values_that_json_has_no_word_for(text: str) -> None:
+def test_values_of_types_that_json_lacks_are_refused(text: str) -> None:
     with pytest.raises((yaml.YAMLError, ValueError)):
         load_yaml(text)

@@ -23,7 +23,7 @@ def four_seconds_each(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("four_seconds_each")
-def test_a_line_every_ten_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_line_is_printed_every_ten_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(track(range(8), "read\x1b", status=lambda: "loss 1")) == list(range(8))
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
@@ -33,24 +33,24 @@ def test_a_line_every_ten_seconds(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.usefixtures("four_seconds_each")
-def test_without_a_total(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_total_only_the_count_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert sum(track(iter(range(4)), "read")) == 6
     assert capsys.readouterr().err == "read: 3\n"
 
 
-def test_what_is_quick_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quick_work_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(track(range(100), "read", 100)) == list(range(100))
     assert capsys.readouterr() == ("", "")
 
 
 @pytest.mark.usefixtures("four_seconds_each")
-def test_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with use_verbosity(Verbosity(quiet=True)):
         assert len(list(track(range(100), "read", 100))) == 100
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     """Though the streams are safe; the description is spelt out, and is no markup."""
     ours, theirs = pty.openpty()
     with open(theirs, "w", encoding="utf-8") as terminal:

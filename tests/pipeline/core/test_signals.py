@@ -52,7 +52,7 @@ MOMENTS_S = (0, 0.05, 0.15, 0.3, 0.6, 1.2, 2.5, 4)
         *(pytest.param(number, MOMENTS_S, marks=pytest.mark.nightly) for number in ENDINGS),
     ],
 )
-def test_at_any_moment_of_the_first_seconds(
+def test_a_signal_at_any_moment_of_the_start_ends_the_command_cleanly(
     tmp_path: Path, number: signal.Signals, moments_s: tuple[float, ...]
 ) -> None:
     """Imports of the command line, of its libraries, the network, the first frames of ten minutes."""
@@ -66,7 +66,7 @@ def test_at_any_moment_of_the_first_seconds(
         assert list(tmp_path.iterdir()) == [], moment_s
 
 
-def test_nohup_is_respected(tmp_path: Path) -> None:
+def test_signals_ignored_by_nohup_stay_ignored(tmp_path: Path) -> None:
     command = ["nohup", sys.executable, "-m", "advpipe", "schema", "--out", "schema.json"]
     with subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL
@@ -93,7 +93,7 @@ def run_code(tmp_path: Path, code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60)
 
 
-def test_an_import_in_the_midst_of_work_is_not_broken_off(tmp_path: Path) -> None:
+def test_an_import_during_work_is_not_interrupted(tmp_path: Path) -> None:
     """This library would swallow the exception, as libraries that try one import after another do."""
     (tmp_path / "swallowing.py").write_text(
         "import os, signal, time\n"
@@ -115,7 +115,7 @@ def test_an_import_in_the_midst_of_work_is_not_broken_off(tmp_path: Path) -> Non
     )
 
 
-def test_a_destructor_does_not_swallow_a_signal(tmp_path: Path) -> None:
+def test_a_signal_in_a_destructor_is_raised_later(tmp_path: Path) -> None:
     done = run_code(
         tmp_path,
         "class Slow:\n"
@@ -127,7 +127,7 @@ def test_a_destructor_does_not_swallow_a_signal(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (129, "advpipe: hung up\n")
 
 
-def test_what_a_library_makes_of_the_signal_is_its_consequence(tmp_path: Path) -> None:
+def test_an_error_of_a_library_after_a_signal_counts_as_the_signal(tmp_path: Path) -> None:
     done = run_code(
         tmp_path,
         "signals.install()\n"
@@ -140,7 +140,7 @@ def test_what_a_library_makes_of_the_signal_is_its_consequence(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("number", ENDINGS)
-def test_deferred(number: signal.Signals) -> None:
+def test_a_deferred_signal_is_noted_and_raised_on_request(number: signal.Signals) -> None:
     from advpipe.pipeline.core.signals import Stopped, deferred
 
     before = [signal.getsignal(one) for one in ENDINGS]

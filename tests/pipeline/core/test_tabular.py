@@ -27,7 +27,7 @@ class Counted(Tabular):
 COUNTED = Counted({"<b>": 0.1234567891, "c": None})
 
 
-def test_one_line_and_html() -> None:
+def test_results_have_a_one_line_repr_and_html() -> None:
     assert repr(COUNTED) == "<Counted 2 words>"
     assert COUNTED._repr_html_() == (
         "<p>2 words<br>and more</p><table><thead><tr><th>word</th><th>share</th></tr></thead><tbody>"
@@ -37,14 +37,14 @@ def test_one_line_and_html() -> None:
     assert html_table(["a"], [[1]], "<").startswith("<table><caption>&lt;</caption><thead>")
 
 
-def test_a_data_frame() -> None:
+def test_rows_become_a_data_frame() -> None:
     frame = COUNTED.to_pandas()
     assert list(frame.columns) == ["word", "share"]
     assert frame["share"].to_list()[0] == 0.1234567891
     assert frame["share"].isna().to_list() == [False, True]
 
 
-def test_without_pandas_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pandas_the_error_states_the_fix(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(UsageError, match="pip install pandas") as caught:
         COUNTED.to_pandas()

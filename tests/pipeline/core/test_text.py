@@ -1,4 +1,4 @@
-"""Text from others: spelt out, on one line, of bounded length."""
+"""Untrusted text: escaped, on one line, of bounded length."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from advpipe.pipeline.core.text import LINE_LIMIT, escape_unprintable, one_line
         ("a\xa0b", "a\xa0b"),
     ],
 )
-def test_what_a_terminal_would_obey_is_spelt_out(text: str, shown: str) -> None:
+def test_control_characters_are_escaped(text: str, shown: str) -> None:
     assert escape_unprintable(text) == shown
 
 

@@ -1,6 +1,8 @@
-"""Defences: what they do to a cloud, by hand and against Open3D; boxes come back from where they went."""
+"""Defences: their effect on a cloud, by hand and against Open3D; boxes are mapped back."""
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 import pytest
@@ -28,7 +30,7 @@ def defend(text: str, points: np.ndarray, seed: int = 0):
 
 
 @pytest.mark.parametrize("word", DEFENCES)
-def test_every_defence_leaves_its_input_and_follows_its_generator(word):
+def test_every_defence_keeps_its_input_unchanged_and_depends_on_its_generator(word):
     points = cloud()
     once, twice = defend(word, points), defend(word, points)
     assert (points == cloud()).all()
@@ -44,7 +46,7 @@ def test_another_seed_gives_another_cloud(word):
 
 
 @pytest.mark.parametrize("word", ["shift", "shift:2", "flip", "scale", "scale:0.8"])
-def test_boxes_come_back_from_where_the_points_went(word):
+def test_boxes_are_mapped_back_to_the_original_cloud(word):
     """A box around the moved points, brought back, holds the points that it held there."""
     defended = defend(word, cloud())
     there = points_in_boxes(xyz(defended.cloud), BOXES)
@@ -55,20 +57,20 @@ def test_boxes_come_back_from_where_the_points_went(word):
         assert np.array_equal(one, other)
 
 
-def test_flip_and_scale_by_hand():
+def test_flip_and_scale_equal_values_computed_by_hand():
     (box,) = defend("flip", cloud()).placement.boxes_back(np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.7]]))
     assert box == pytest.approx([1.0, -2.0, 3.0, 4.0, 5.0, 6.0, -0.7])
     (box,) = defend("scale:2", cloud()).placement.boxes_back(np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.7]]))
     assert box == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 0.7])
 
 
-def test_sampling_takes_exactly_its_share():
+def test_sampling_removes_exactly_its_share():
     kept = defend("sample:0.1", cloud()).cloud
     assert len(kept) == 3600
     assert set(kept["time"].tolist()) < set(cloud()["time"].tolist())
 
 
-def test_quantisation_rounds():
+def test_quantisation_rounds_coordinates():
     points = cloud(3)
     points["x"], points["y"], points["z"] = [0.014, -0.016, 7.0], 0.0, 0.0049
     rounded = defend("quantise:0.01", points).cloud
@@ -76,14 +78,14 @@ def test_quantisation_rounds():
     assert rounded["z"].tolist() == [0.0, 0.0, 0.0]
 
 
-def test_jitter_has_its_standard_deviation():
+def test_jitter_has_the_configured_standard_deviation():
     moved = xyz(defend("jitter:0.02", cloud()).cloud).astype(float) - xyz(cloud())
     assert moved.std(axis=0) == pytest.approx([0.02] * 3, rel=0.05)
 
 
 @pytest.mark.oracle
 @pytest.mark.parametrize(("k", "sigmas"), [(2, 1.1), (8, 2.0)])
-def test_outliers_are_those_of_open3d(k, sigmas):
+def test_outliers_equal_those_of_open3d(k, sigmas):
     """Open3D counts the point itself among the neighbours: k + 1 of them, and all means shrink alike."""
     o3d = pytest.importorskip("open3d")
     tree = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(xyz(cloud()).astype(float)))
@@ -93,7 +95,7 @@ def test_outliers_are_those_of_open3d(k, sigmas):
     assert (ours == cloud()[np.sort(kept)]).all()
 
 
-def test_outlier_removal_keeps_what_has_no_neighbours():
+def test_outlier_removal_keeps_clouds_with_too_few_neighbours():
     assert len(defend("outliers", cloud(2)).cloud) == 2
     assert len(defend("outliers", cloud(0)).cloud) == 0
     points = cloud(200)
@@ -101,7 +103,7 @@ def test_outlier_removal_keeps_what_has_no_neighbours():
     assert np.isnan(defend("outliers", points).cloud["x"]).sum() == 1
 
 
-def test_names_are_resolved():
+def test_names_are_resolved_with_all_parameters():
     assert list(parse_defences(["jitter", "outliers:sigmas=2", "flip", "sample:0.2"])) == [
         "jitter:sigma_m=0.01",
         "outliers:k=2,sigmas=2",
@@ -113,7 +115,14 @@ def test_names_are_resolved():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        (["jiter"], "unknown defence 'jiter'; known: sample, outliers, quantise, jitter, shift, flip, scale"),
+        (
+            ["jiter"],
+            "unknown defence 'jiter'; known: sample, outliers, quantise, jitter, shift, flip, scale, or your",
+        ),
+        (["jiter:0.1"], "unknown defence 'jiter'"),
+        (["json:nothing"], "defence json:nothing cannot be loaded: AttributeError"),
+        (["math:pi"], "defence math:pi is not a class"),
+        (["fractions:Fraction:numerator=1,denominator=0"], "each parameter .* needs a number"),
         (["jitter:metres=1"], "parameter 'metres' is unknown; known: sigma_m"),
         (["flip:2"], "known: none"),
         (["jitter:much"], "sigma_m is 'much', but must be a number"),
@@ -126,7 +135,40 @@ def test_names_are_resolved():
         (["flip", "flip"], "flip is given twice"),
     ],
 )
-def test_bad_defences_are_refused(texts, message):
+def test_invalid_defences_are_refused(texts, message):
     with pytest.raises(AdvpipeError, match=message) as caught:
         parse_defences(texts)
     assert "\n" not in str(caught.value)
+
+
+OWN = """
+from advpipe import DefendedCloud
+
+
+class Keep:
+    def __init__(self, *, count: float = 5):
+        if count < 1:
+            raise ValueError("count is too small")
+        self.count = int(count)
+
+    def __call__(self, cloud, rng):
+        return DefendedCloud(cloud[: self.count]) if self.count < 100 else cloud
+"""
+
+
+def test_a_defence_of_the_users_own(tmp_path, monkeypatch):
+    """Named by its class, with or without parameters; its mistakes are one-line errors."""
+    (tmp_path / "own_defence.py").write_text(OWN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [str(tmp_path), *sys.path])
+    points = cloud()
+    rng = np.random.default_rng(0)
+    for word, name, count in (("", ":count=5", 5), (":count=7", ":count=7", 7), (":3", ":count=3", 3)):
+        (found,) = parse_defences([f"own_defence:Keep{word}"]).items()
+        assert found[0] == f"own_defence:Keep{name}"
+        assert len(found[1](points, rng).cloud) == count
+    with pytest.raises(AdvpipeError, match=r"own_defence:Keep failed: ValueError: count is too small"):
+        parse_defences(["own_defence:Keep:0"])
+    (too_many,) = parse_defences(["own_defence:Keep:100"]).values()
+    with pytest.raises(AdvpipeError, match=r"failed: TypeError: returned ndarray instead of a DefendedCloud"):
+        too_many(points, rng)

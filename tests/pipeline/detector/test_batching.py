@@ -1,4 +1,4 @@
-"""Works that ask one detector together: what each hears, what shares a batch, and how all of it ends."""
+"""Tasks that share one detector: their results, the composition of batches, and errors."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ BOXES, LABELS = torch.tensor([BOX]), torch.tensor([0])
 
 
 class Batches(LinearVoxelDetector):
-    """The detector whose answers a person can work out, asked in batches; it notes them.
+    """A batch detector whose results can be computed by hand; it records its batches.
 
-    Points that are not finite it refuses, and more than `most` clouds at once.
+    It refuses points that are not finite, and more than `most` clouds in a batch.
     """
 
     def __init__(self, most: int = 99) -> None:
@@ -90,7 +90,7 @@ def asks_everything(number: int):
     return work
 
 
-def test_each_hears_what_the_detector_would_tell_it_alone():
+def test_each_task_gets_the_results_of_an_unbatched_detector():
     detector = Batches()
     works = [asks_everything(number) for number in range(5)]
     for result, work in zip(run_batched(detector, works), works, strict=True):
@@ -101,7 +101,7 @@ def test_each_hears_what_the_detector_would_tell_it_alone():
     assert detector.voxel_grid == Batches.voxel_grid
 
 
-def test_there_is_no_second_derivative():
+def test_second_derivatives_are_refused():
     def work(detector):
         leaf = points_of(0).requires_grad_()
         (gradient,) = torch.autograd.grad(detector.loss(leaf, BOXES, LABELS), leaf, create_graph=True)
@@ -111,8 +111,8 @@ def test_there_is_no_second_derivative():
         run_batched(Batches(), [work, work])
 
 
-def asks(*kinds, pause_s=0.0):
-    """Asks these in turn."""
+def requests_of(*kinds, pause_s=0.0):
+    """A task that sends these requests in sequence."""
 
     def work(detector):
         for kind in kinds:
@@ -126,10 +126,10 @@ def asks(*kinds, pause_s=0.0):
 
 
 @pytest.mark.parametrize("slow", range(3))
-def test_what_shares_a_batch_hangs_on_no_timing(slow):
+def test_batches_do_not_depend_on_timing(slow):
     detector = Batches()
     words = [("loss", "detect", "loss"), ("detect", "loss"), ("loss", "loss", "detect", "detect", "loss")]
-    run_batched(detector, [asks(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
+    run_batched(detector, [requests_of(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
     # Two ask for a loss, so the detection of the second one waits, and is in step with the first one's then.
     assert detector.batches == [
         *[("loss", 2), ("detect", 2), ("loss", 3)],
@@ -143,7 +143,7 @@ def broken(number: int) -> torch.Tensor:
     return points
 
 
-def test_a_bad_question_is_told_to_who_asked_it_alone():
+def test_the_error_of_an_input_is_raised_only_in_its_task():
     def caught(detector):
         with pytest.raises(AdvpipeError, match="not finite"):
             detector.loss(broken(1), BOXES, LABELS)
@@ -159,12 +159,12 @@ def test_a_bad_question_is_told_to_who_asked_it_alone():
 
 def test_a_batch_too_large_is_computed_one_by_one():
     detector = Batches(most=1)
-    run_batched(detector, [asks("loss"), asks("loss")])
+    run_batched(detector, [requests_of("loss"), requests_of("loss")])
     assert detector.batches == [("loss", 2), ("loss", 1), ("loss", 1)]
 
 
 @pytest.mark.parametrize("error", [AdvpipeError, KeyboardInterrupt, ZeroDivisionError])
-def test_the_first_error_that_nobody_catches_ends_all(error):
+def test_the_first_uncaught_error_stops_all_tasks(error):
     ended = []
 
     def endless(detector):
@@ -176,7 +176,7 @@ def test_the_first_error_that_nobody_catches_ends_all(error):
 
     def fails(line):
         def work(detector):
-            asks("loss", "loss")(detector)
+            requests_of("loss", "loss")(detector)
             raise error(line)
 
         return work
@@ -188,17 +188,17 @@ def test_the_first_error_that_nobody_catches_ends_all(error):
     assert threading.active_count() == before
 
 
-def test_an_interruption_while_a_batch_is_computed_ends_all():
+def test_an_interruption_during_a_batch_stops_all_tasks():
     class Interrupted(Batches):
         def detect_batch(self, clouds):
             raise KeyboardInterrupt
 
     before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):
-        run_batched(Interrupted(), [asks("loss", "detect"), asks("loss", "detect", "loss")])
+        run_batched(Interrupted(), [requests_of("loss", "detect"), requests_of("loss", "detect", "loss")])
     assert threading.active_count() == before
 
 
-def test_works_that_ask_nothing():
+def test_tasks_without_requests_finish():
     assert run_batched(Batches(), [lambda detector: detector.classes, lambda detector: 7]) == [("car",), 7]
     assert run_batched(Batches(), []) == []

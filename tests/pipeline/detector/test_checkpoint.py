@@ -24,7 +24,7 @@ def saved(tmp_path):
     return net, path
 
 
-def test_round_trip(saved):
+def test_a_checkpoint_round_trips(saved):
     net, path = saved
     assert path.stat().st_size < 2_800_000
     checkpoint = load_checkpoint(path)
@@ -44,7 +44,7 @@ def test_round_trip(saved):
     assert again.read_bytes() == path.read_bytes()
 
 
-def test_one_without_a_family_is_a_second(saved):
+def test_a_checkpoint_without_a_family_is_a_second(saved):
     net, path = saved
     rewritten(path, lambda about, tensors: about.update(kind="advpipe-second-1", family="second"))
     with_family = load_checkpoint(path)
@@ -53,7 +53,7 @@ def test_one_without_a_family_is_a_second(saved):
     assert load_checkpoint(path).net.preset == with_family.net.preset == net.preset
 
 
-def test_nothing_is_overwritten_unasked(saved):
+def test_no_file_is_overwritten_unless_requested(saved):
     net, path = saved
     with pytest.raises(OutputExistsError):
         save_checkpoint(net, path, {})
@@ -89,7 +89,7 @@ def rewritten(path, change):
         (lambda about, tensors: tensors.update({"head.convolution.bias": torch.zeros(3)}), "do not fit"),
     ],
 )
-def test_checkpoints_that_do_not_fit(saved, change, message):
+def test_checkpoints_of_other_presets_are_refused(saved, change, message):
     _, path = saved
     rewritten(path, change)
     with pytest.raises(AdvpipeError, match=message) as caught:
@@ -98,7 +98,7 @@ def test_checkpoints_that_do_not_fit(saved, change, message):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 something else", "cut"])
-def test_files_that_are_no_checkpoint(saved, content):
+def test_files_that_are_no_checkpoint_are_refused(saved, content):
     _, path = saved
     path.write_bytes(path.read_bytes()[:100_000] if content == "cut" else content)
     with pytest.raises(AdvpipeError, match="not a complete safetensors file") as caught:
@@ -106,7 +106,7 @@ def test_files_that_are_no_checkpoint(saved, content):
     assert "\n" not in str(caught.value)
 
 
-def test_other_safetensors_and_missing_files(tmp_path):
+def test_other_safetensors_and_missing_files_are_refused(tmp_path):
     save_file({"a": torch.zeros(2)}, tmp_path / "x.safetensors")
     with pytest.raises(AdvpipeError, match="not a detector checkpoint of advpipe"):
         load_checkpoint(tmp_path / "x.safetensors")
@@ -114,7 +114,7 @@ def test_other_safetensors_and_missing_files(tmp_path):
         load_checkpoint(tmp_path / "none.safetensors")
 
 
-def test_what_a_file_declares_is_bounded_before_it_is_read(saved, tmp_path):
+def test_declared_sizes_are_bounded_before_anything_is_read(saved, tmp_path):
     _, path = saved
     whole = path.read_bytes()
     for content, message in [
@@ -130,7 +130,7 @@ def test_what_a_file_declares_is_bounded_before_it_is_read(saved, tmp_path):
         load_checkpoint(path)
 
 
-def test_tensors_of_other_shapes_are_told_by_the_header(saved, monkeypatch):
+def test_tensors_of_other_shapes_are_refused_by_the_header(saved, monkeypatch):
     _, path = saved
     rewritten(path, lambda about, tensors: tensors.update(more=torch.zeros(30_000_000, dtype=torch.int8)))
     monkeypatch.setattr(torch.Tensor, "float", lambda tensor: pytest.fail("was unpacked"))
@@ -139,7 +139,7 @@ def test_tensors_of_other_shapes_are_told_by_the_header(saved, monkeypatch):
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"kind": ' * 50_000, "NaN", "[1]", "x" * 100_000])
-def test_metadata_that_is_none(saved, text):
+def test_invalid_metadata_is_refused(saved, text):
     _, path = saved
     save_file({"a": torch.zeros(1)}, path, metadata={"advpipe": text})
     with pytest.raises(AdvpipeError, match="not a detector checkpoint of advpipe") as caught:

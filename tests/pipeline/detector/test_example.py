@@ -55,12 +55,12 @@ def detector(monkeypatch):
     sys.modules.pop("my_detector", None)
 
 
-def test_it_is_as_short_as_it_is_said_to_be():
+def test_the_example_has_at_most_the_documented_lines():
     code = [line for line in EXAMPLE.read_text().splitlines() if line.strip()]
     assert len(code) <= 42
 
 
-def test_cars_are_found_and_nothing_else(detector):
+def test_the_example_finds_only_cars(detector):
     found = detector.detect(cloud_of(CARS))
     assert len(found) == 2
     # The first is 0.1 m off the usual length, the second 0.3 m.
@@ -71,7 +71,7 @@ def test_cars_are_found_and_nothing_else(detector):
     assert len(detector.detect(cloud_of(CARS)[:0])) == 0
 
 
-def test_its_loss_rises_as_points_of_a_car_go(detector):
+def test_its_loss_rises_when_points_of_a_car_are_removed(detector):
     cloud = cloud_of(CARS)
     points = torch.tensor(np.stack([cloud[n] for n in ("x", "y", "z", "intensity")], 1)[:-1])
     boxes, labels = torch.tensor(CARS, dtype=torch.float32), torch.zeros(2, dtype=torch.int64)
@@ -86,7 +86,7 @@ def test_its_loss_rises_as_points_of_a_car_go(detector):
     assert ((gone >= 3000) & (gone < 4200)).float().mean() > 0.9
 
 
-def test_evaluate_takes_it_from_the_working_directory(tmp_path):
+def test_evaluate_loads_it_from_the_working_directory(tmp_path):
     shutil.copy(EXAMPLE, tmp_path)
     with BagWriter(tmp_path / "clean", provenance={"kind": "clean"}) as bag:
         for index in range(3):

@@ -19,13 +19,13 @@ from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 
 
-def test_the_shipped_one():
+def test_the_shipped_detector_is_loaded_by_name():
     detector = load_detector("small")
     assert detector.preset == SMALL
     assert int(detector.provenance["frames"]) > 0
 
 
-def test_a_path(tmp_path):
+def test_a_checkpoint_is_loaded_by_path(tmp_path):
     path = tmp_path / "mine.safetensors"
     save_checkpoint(SecondNet(SMALL), path, {})
     assert isinstance(load_detector(str(path)), Second)
@@ -36,7 +36,7 @@ class Mine:
     range_m = Range(-1, -1, -1, 1, 1, 1)
 
     def detect(self, cloud):
-        raise AssertionError("nobody asks for this here")
+        raise AssertionError("not used in this test")
 
     def loss(self, points, boxes, labels):
         return torch.zeros(())
@@ -63,11 +63,11 @@ def module(monkeypatch):
     monkeypatch.setitem(sys.modules, "my_detectors", module)
 
 
-def test_a_class_of_the_users(module):
+def test_a_users_class_is_loaded(module):
     assert isinstance(load_detector("my_detectors:Mine"), Mine)
 
 
-def test_a_class_in_the_working_directory(tmp_path):
+def test_a_class_in_the_working_directory_is_loaded(tmp_path):
     (tmp_path / "my.py").write_text(
         "class D:\n"
         "    classes, range_m = ('car',), None\n"
@@ -90,13 +90,13 @@ def sha256(path):
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
-def test_checksum_of_a_checkpoint(tmp_path):
+def test_the_identity_of_a_checkpoint_is_its_sha256(tmp_path):
     (tmp_path / "mine.safetensors").write_bytes(b"weights")
     assert detector_sha256(str(tmp_path / "mine.safetensors")) == hashlib.sha256(b"weights").hexdigest()
     assert detector_sha256("small") == sha256(SHIPPED["small"])
 
 
-def test_checksum_of_a_class_is_that_of_its_source_file(module):
+def test_the_identity_of_a_class_is_its_source_files_sha256(module):
     assert detector_sha256("advpipe.pipeline.detector.second.model:Second") == sha256(model.__file__)
     assert detector_sha256("builtins:int") == ""
     with pytest.raises(AdvpipeError, match="cannot load detector"):
@@ -116,6 +116,6 @@ def test_checksum_of_a_class_is_that_of_its_source_file(module):
         ("nowhere.safetensors", "no detector checkpoint at"),
     ],
 )
-def test_names_that_lead_nowhere(module, name, message):
+def test_unknown_names_are_refused(module, name, message):
     with pytest.raises(AdvpipeError, match=message):
         load_detector(name)

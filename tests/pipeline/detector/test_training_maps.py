@@ -1,4 +1,4 @@
-"""Which maps a detector was trained on: the shipped one's list, and what checkpoints and classes tell."""
+"""The maps that a detector was trained on: the shipped list, and what checkpoints and classes report."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def shipped_list() -> MapList:
     return MapList.model_validate_json(list_beside(SHIPPED["small"]).read_bytes())
 
 
-def test_the_list_is_that_of_the_shipped_checkpoint() -> None:
+def test_the_list_belongs_to_the_shipped_checkpoint() -> None:
     known = shipped_list()
     assert known.checkpoint_sha256 == hashlib.sha256(SHIPPED["small"].read_bytes()).hexdigest()
     small = load_detector("small")
@@ -65,13 +65,13 @@ def test_the_list_has_every_drive_of_the_script(training_maps: ModuleType) -> No
 
 
 @pytest.mark.parametrize("name", ["grid1", "open4", "rand1", "bikes8"])
-def test_a_generated_map_comes_out_again(training_maps: ModuleType, name: str) -> None:
+def test_a_generated_map_is_reproducible(training_maps: ModuleType, name: str) -> None:
     """open4 with the speed of its own, rand1 by its seed; dates and paths in SUMO's files do not count."""
     (drive,) = [each for each in training_maps.drives() if each.name == name]
     assert training_maps.map_sha256(drive) == shipped_list().maps_sha256[name]
 
 
-def test_a_copy_of_the_shipped_one_knows_its_maps_and_another_file_does_not(tmp_path: Path) -> None:
+def test_a_copy_of_the_shipped_checkpoint_knows_its_maps_and_other_files_do_not(tmp_path: Path) -> None:
     copy, other = tmp_path / "mine.safetensors", tmp_path / "other.safetensors"
     shutil.copy(SHIPPED["small"], copy)
     save_checkpoint(SecondNet(SMALL), other, {})
@@ -84,16 +84,16 @@ def test_a_copy_of_the_shipped_one_knows_its_maps_and_another_file_does_not(tmp_
     ("listed", "seen", "unseen"),
     [
         (f'["{A}", "{B}"]', True, False),
-        (f'["{A}", null]', True, None),  # of some drives nobody knows
+        (f'["{A}", null]', True, None),  # some drives' maps are unknown
         ("[]", False, False),
         ("[null]", None, None),
-        (f'["{A}", 7]', None, None),  # no such list: what it says is not believed
+        (f'["{A}", 7]', None, None),  # an invalid list is ignored
         (f'{{"{A}": 1}}', None, None),
         ('["short"]', None, None),
         ("[", None, None),
     ],
 )
-def test_a_checkpoint_tells_its_maps(
+def test_a_checkpoint_reports_its_maps(
     tmp_path: Path, listed: str, seen: bool | None, unseen: bool | None
 ) -> None:
     path = tmp_path / "mine.safetensors"
@@ -102,13 +102,13 @@ def test_a_checkpoint_tells_its_maps(
     assert (is_training_map(detector, A), is_training_map(detector, C)) == (seen, unseen)
 
 
-def test_only_a_digest_names_a_map() -> None:
+def test_only_a_sha256_identifies_a_map() -> None:
     assert map_of({"map_sha256": A}) == A
     for provenance in ({}, {"map_sha256": ""}, {"map_sha256": A[1:]}, {"map_sha256": A + "\n"}):
         assert map_of(provenance) is None
 
 
-def test_the_default_drive_is_held_out(tmp_path: Path) -> None:
+def test_the_map_of_the_default_scenario_is_held_out(tmp_path: Path) -> None:
     """By its map, whatever the seed; and `make demo` records the same drive as `advpipe simulate`."""
     import inspect
 

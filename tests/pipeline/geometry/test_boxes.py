@@ -1,4 +1,4 @@
-"""Which points lie in which boxes, against hand-checked places and a plain look at every pair."""
+"""Points in boxes, against values computed by hand and a plain check of every pair."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import shapely
 from advpipe.pipeline.geometry.boxes import box_corners, count_points, points_in_boxes
 
 
-def test_faces_belong_to_a_box_and_what_is_beyond_does_not() -> None:
+def test_points_on_faces_are_inside_and_points_beyond_are_outside() -> None:
     box = [[10.0, -5.0, 1.0, 4.0, 2.0, 1.5, 0.0]]
     points = [[8, -5, 1], [7.99, -5, 1], [10, -4, 1], [10, -3.99, 1], [10, -5, 1.75], [10, -5, 0.24]]
     assert points_in_boxes(points, box)[0].tolist() == [0, 2, 4]
@@ -17,7 +17,7 @@ def test_faces_belong_to_a_box_and_what_is_beyond_does_not() -> None:
     assert points_in_boxes(points, box, margin_m=0.1)[0].tolist() == [0, 1, 2, 3, 4, 5]
 
 
-def test_a_turned_box() -> None:
+def test_points_are_found_in_a_rotated_box() -> None:
     """Turned by 90 degrees, a box is long along y."""
     points = np.array([[0, 1.9, 0], [1.9, 0, 0]])
     assert points_in_boxes(points, [[0, 0, 0, 4, 2, 2, np.pi / 2]])[0].tolist() == [0]
@@ -25,7 +25,7 @@ def test_a_turned_box() -> None:
 
 @pytest.mark.parametrize("spread_m", [3.0, 60.0, 5000.0])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_every_pair_as_shapely_sees_it(spread_m: float, dtype: type) -> None:
+def test_every_pair_agrees_with_shapely(spread_m: float, dtype: type) -> None:
     rng = np.random.default_rng(1)
     count = 25
     sizes = rng.uniform(0.4, 12.0, (count, 3))
@@ -40,7 +40,7 @@ def test_every_pair_as_shapely_sees_it(spread_m: float, dtype: type) -> None:
         assert inside.tolist() == np.flatnonzero(expected).tolist()
 
 
-def test_what_is_not_finite_is_nowhere() -> None:
+def test_points_and_boxes_that_are_not_finite_match_nothing() -> None:
     points = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [-np.inf, 0, 0], [1e38, 0, 0], [0, 0, 0]], np.float32)
     assert count_points(points, [[0, 0, 0, 2, 2, 2, 0], [np.nan, 0, 0, 2, 2, 2, 0]]).tolist() == [1, 0]
     assert count_points(points, np.zeros((0, 7))).tolist() == []

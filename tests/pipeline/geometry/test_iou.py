@@ -29,7 +29,7 @@ def box(x=0.0, y=0.0, z=0.0, length=4.0, width=2.0, height=2.0, yaw=0.0):
         (box(length=2**0.5, width=2**0.5, yaw=np.pi / 4), 2 / 8, 4 / 16),
     ],
 )
-def test_overlaps_worked_out_by_hand(other, bev, volume):
+def test_overlaps_equal_values_computed_by_hand(other, bev, volume):
     assert iou_bev(box(), other)[0, 0] == pytest.approx(bev, abs=1e-9)
     assert iou_3d(box(), other)[0, 0] == pytest.approx(volume, abs=1e-9)
 
@@ -60,6 +60,6 @@ def test_no_boxes_give_an_empty_matrix():
     assert iou_bev([], []).shape == (0, 0)
 
 
-def test_a_box_without_size_overlaps_nothing():
+def test_a_box_without_volume_overlaps_nothing():
     assert iou_3d(box(length=0.0), box())[0, 0] == 0
     assert iou_3d(box(length=0.0), box(length=0.0))[0, 0] == 0

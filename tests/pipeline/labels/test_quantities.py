@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
 from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 

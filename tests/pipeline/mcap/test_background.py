@@ -6,7 +6,7 @@ import pytest
 from advpipe.pipeline.mcap.background import Background
 
 
-def test_calls_run_in_their_order_elsewhere() -> None:
+def test_calls_run_in_order_in_another_thread() -> None:
     background, done = Background(3), list[tuple[int, int]]()
     for number in range(50):
         background.call(lambda number=number: done.append((number, threading.get_ident())))
@@ -15,7 +15,7 @@ def test_calls_run_in_their_order_elsewhere() -> None:
     assert threading.get_ident() not in {thread for _, thread in done}
 
 
-def test_the_caller_waits_rather_than_pile_up_work() -> None:
+def test_the_caller_waits_if_the_queue_is_full() -> None:
     background, gate, most, waiting = Background(2), threading.Event(), 0, [0]
 
     def work() -> None:
@@ -36,7 +36,7 @@ def fail() -> None:
     raise OSError(28, "No space left on device")
 
 
-def test_an_error_reaches_the_next_call() -> None:
+def test_the_next_call_raises_an_earlier_error() -> None:
     background = Background(2)
     background.call(fail)
     time.sleep(0.05)
@@ -45,7 +45,7 @@ def test_an_error_reaches_the_next_call() -> None:
     background.abort()
 
 
-def test_an_abort_drops_what_lies_in_wait() -> None:
+def test_an_abort_drops_queued_calls() -> None:
     background, started, done = Background(8), threading.Event(), list[int]()
     background.call(lambda: (started.set(), time.sleep(0.1), done.append(0)))
     for number in range(1, 8):

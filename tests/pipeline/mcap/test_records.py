@@ -1,4 +1,4 @@
-"""Bombs and lies in MCAP files: each costs one error, and little memory and time."""
+"""Bombs and false lengths in MCAP files: each fails with one error, in little memory and time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def chunk(compression: str, data: bytes, size: int) -> Chunk:
 
 
 @pytest.mark.parametrize("compression", ["", "zstd", "lz4"])
-def test_a_chunk_is_unpacked_whole(compression: str) -> None:
+def test_a_chunk_is_decompressed_completely(compression: str) -> None:
     data = np.random.default_rng(1).bytes(100_000)
     packed = PACKERS[compression](data) if compression else data
     assert unpack_chunk(chunk(compression, packed, len(data))) == data
@@ -52,7 +52,7 @@ def test_a_chunk_is_unpacked_whole(compression: str) -> None:
 
 @pytest.mark.parametrize("size", [0, 1, 1000, ZEROS - 1, ZEROS + 1, CHUNK_LIMIT_BYTES, 2**63])
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "zstd without size", "brotli", ""])
-def test_a_bomb_is_not_unpacked(compression: str, size: int) -> None:
+def test_a_decompression_bomb_is_refused(compression: str, size: int) -> None:
     """64 MiB of zeros in some kilobytes, whatever the chunk declares."""
     name = compression.split()[0] if compression else ""
     if compression == "zstd without size":
@@ -64,14 +64,14 @@ def test_a_bomb_is_not_unpacked(compression: str, size: int) -> None:
             unpack_chunk(chunk(name, packed, size))
 
 
-def test_a_frame_that_lies_about_its_size() -> None:
+def test_a_frame_that_declares_a_false_size_is_refused() -> None:
     """zstd's own header declares 2^62 bytes, which the codec would set aside."""
     packed = bytearray(zstandard.compress(bytes(1000)))
     assert zstandard.frame_content_size(bytes(packed)) == 1000
-    lie = packed[:4] + bytes([0xC0 | packed[4] & 0x3F]) + struct.pack("<Q", 2**62) + packed[7:]
+    false_size = packed[:4] + bytes([0xC0 | packed[4] & 0x3F]) + struct.pack("<Q", 2**62) + packed[7:]
     for declared in (1000, 2**62):
         with pytest.raises(DAMAGE):
-            unpack_chunk(chunk("zstd", bytes(lie), declared))
+            unpack_chunk(chunk("zstd", bytes(false_size), declared))
 
 
 @pytest.mark.parametrize("length", [1, 2**31, 2**40, 2**64 - 1])
@@ -83,10 +83,10 @@ def test_a_record_longer_than_the_file_is_not_read(length: int) -> None:
         list(inner_records(data))
 
 
-def test_lengths_within_records() -> None:
+def test_false_lengths_within_records_are_refused() -> None:
     with pytest.raises(ValueError, match="declares 9 bytes of data"):
         parse_chunk(struct.pack("<QQQIIQ", 0, 0, 0, 0, 0, 9) + b"12345678")
-    with pytest.raises(ValueError, match="runs past its end"):
+    with pytest.raises(ValueError, match="extends past its end"):
         parse_chunk(struct.pack("<QQQIIQ", 0, 0, 0, 0, 2**32 - 1, 0))
     with pytest.raises(ValueError, match="message index declares"):
         parse_message_index(struct.pack("<HI", 1, 2**32 - 16))
@@ -102,7 +102,7 @@ def test_lengths_within_records() -> None:
         ("a/msg/B", f"int8 x # {'x' * (1 << 20)}"),
     ],
 )
-def test_a_type_that_would_become_code(tmp_path: Path, name: str, text: str) -> None:
+def test_a_type_name_that_would_become_code_is_refused(tmp_path: Path, name: str, text: str) -> None:
     """rosbags makes Python of the bag's definitions: their names are names, their arrays short."""
     path = tmp_path / "a.mcap"
     with path.open("wb") as stream:
@@ -127,7 +127,7 @@ def test_a_long_metadata_record_is_refused(tmp_path: Path) -> None:
         BagReader(path)
 
 
-def test_yaml_bombs() -> None:
+def test_yaml_bombs_are_refused() -> None:
     nine = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 10))
     merge = "a: &a {x: 1}\n" + "\n".join(f"b{i}: &b{i} {{<<: [*a, *a]}}" for i in range(9))
     for text in (f"a0: &a0 [x]\n{nine}", merge, "[" * 100_000, "x" * (5 << 20)):
@@ -136,7 +136,9 @@ def test_yaml_bombs() -> None:
     assert plain_yaml.load_yaml("a: [1, {b: c}]") == {"a": [1, {"b": "c"}]}
 
 
-def test_three_hundred_mutations(tmp_path: Path, record: Callable[..., Path]) -> None:
+def test_three_hundred_mutations_are_read_or_refused_in_one_line(
+    tmp_path: Path, record: Callable[..., Path]
+) -> None:
     """Whatever is read of them, by inspect, verify or an evaluation, it ends well or in one line.
 
     Among them files without checksums, so that damage reaches what lies behind them. In a process of its

@@ -1,4 +1,4 @@
-"""Small files that would cost hours or all memory: each is refused, or told, after a bounded part of that."""
+"""Small files that would take hours or all memory: each is refused or reported at a bounded cost."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def transforms(count: int) -> bytes:
     return HEAD + struct.pack("<I", count) + first + more * (count - 1)
 
 
-def test_a_message_that_would_become_millions_of_objects(tmp_path: Path) -> None:
+def test_a_message_of_millions_of_objects_is_refused(tmp_path: Path) -> None:
     """A million transforms in 88 MB, which pack to 8 kB, would be 20 million objects."""
     name = "tf2_msgs/msg/TFMessage"
     path = write(tmp_path / "a.mcap", name, schema_text(name), [transforms(3000), transforms(1_000_000)])
@@ -72,7 +72,7 @@ def objects_in(store: Typestore, message: Any) -> int:
     return 1 + sum(objects_in(store, getattr(message, name)) for name in names)
 
 
-def test_objects_are_counted_as_they_are_made(tmp_path: Path, record: Callable[..., Path]) -> None:
+def test_the_count_equals_the_objects_that_are_made(tmp_path: Path, record: Callable[..., Path]) -> None:
     """By what rosbags made of messages of nine types, to the last object."""
     reader = BagReader(record(tmp_path / "a"))
     seen = set()
@@ -97,20 +97,20 @@ def test_objects_are_counted_as_they_are_made(tmp_path: Path, record: Callable[.
         ("ros2idl", 'module a { const string X = "a"; /* ( */ @a(x=(1)) struct B { int8 x; }; };'),
     ],
 )
-def test_definitions_that_never_end(encoding: str, text: str) -> None:
+def test_definitions_that_take_too_long_are_refused(encoding: str, text: str) -> None:
     """The first, with 7 kB of message, would be five million objects; of the others, rosbags reads the first
     for a second, and one more pair of parentheses for minutes."""
     with pytest.raises(ValueError, match=r"array of no items|sums in parentheses"):
         types_from(text, encoding, "a/msg/B")
 
 
-def test_idl_with_parentheses_where_they_belong() -> None:
+def test_idl_with_valid_parentheses_is_read() -> None:
     note = '@verbatim(language="comment", text="(a (b))") // (('
     text = f"module a {{ module msg {{ {note}\n struct B {{ int8 x; }}; }}; }};"
     assert set(types_from(text, "ros2idl", "a/msg/B")) == {"a/msg/B"}
 
 
-def test_a_definition_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_definition_is_parsed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A long one takes seconds, and no longer for each message."""
     calls = []
 
@@ -126,7 +126,7 @@ def test_a_definition_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert len(calls) == 1
 
 
-def test_the_budget_by_hand() -> None:
+def test_the_budget_equals_values_computed_by_hand() -> None:
     budget = UnpackBudget(10)
     most = FREE_BYTES + RATIO * 10
     chunk = Chunk("", bytes(most // 2**20), 0, 0, 0, most // 2**20)
@@ -154,7 +154,7 @@ def packed(*records: object, times: int = 1) -> Chunk:
     return Chunk("zstd", zstandard.compress(data), 0, 0, 0, len(data))
 
 
-def test_definitions_in_packed_chunks(tmp_path: Path) -> None:
+def test_definitions_in_compressed_chunks_are_bounded(tmp_path: Path) -> None:
     schema = Schema(id=1, name="a/msg/B", encoding="ros2msg", data=b"uint8 a")
     chunks = [
         packed(
@@ -176,7 +176,7 @@ def test_definitions_in_packed_chunks(tmp_path: Path) -> None:
     assert len(scanner.channels) == 2
 
 
-def test_messages_of_no_channel_are_told_once(tmp_path: Path) -> None:
+def test_messages_without_a_channel_are_reported_once(tmp_path: Path) -> None:
     message = Message(channel_id=9, sequence=0, log_time=0, publish_time=0, data=b"")
     (tmp_path / "a.mcap").write_bytes(file_of(packed(message, times=1000)))
     scanner = McapScanner(tmp_path / "a.mcap")
@@ -184,8 +184,8 @@ def test_messages_of_no_channel_are_told_once(tmp_path: Path) -> None:
     assert sum("which is not defined" in fault for fault in scanner.faults) == 1
 
 
-def test_what_is_saved_of_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Chunks are saved up to the limit; the others are told as lost."""
+def test_recovery_of_a_decompression_bomb_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks are saved up to the limit; the others are reported as lost."""
     monkeypatch.setattr("advpipe.pipeline.mcap.unpacking.FREE_BYTES", 0)
     schema = Schema(id=1, name="std_msgs/msg/String", encoding="ros2msg", data=b"string data")
     channel = Channel(id=1, topic="/text", message_encoding="cdr", metadata={}, schema_id=1)
@@ -199,7 +199,7 @@ def test_what_is_saved_of_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert 0 < saved < 40
 
 
-def test_messages_that_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_that_are_held_back_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a message costs beside its bytes counts."""
     monkeypatch.setattr("advpipe.pipeline.mcap.reader.WAITING_LIMIT_BYTES", 1000 * (MESSAGE_BYTES + 5))
     path = write(tmp_path / "a.mcap", "std_msgs/msg/Empty", "", [HEAD + b"\0"] * 1001)

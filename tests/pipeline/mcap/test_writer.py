@@ -67,7 +67,7 @@ def theirs(recording: Calls, compression: str) -> bytes:
 @pytest.mark.oracle
 @pytest.mark.parametrize("compression", TYPES)
 @pytest.mark.parametrize("messages", [0, 1, 60])
-def test_bytes_are_those_of_the_library(
+def test_the_bytes_equal_those_of_the_mcap_library(
     monkeypatch: pytest.MonkeyPatch, compression: str, messages: int
 ) -> None:
     level = SimpleNamespace(compress=partial(zstandard.compress, level=ZSTD_LEVEL))
@@ -90,7 +90,7 @@ class Disk(io.RawIOBase):
 
 
 @pytest.mark.parametrize("room", [0, 100, 5_000_000])
-def test_what_the_disk_refuses_reaches_the_caller_soon(room: int) -> None:
+def test_a_write_error_reaches_a_later_call(room: int) -> None:
     writer = McapWriter(Disk(room), "none")
     schema = writer.add_schema("a/msg/A", "ros2msg", b"")
     channel = writer.add_channel("/a", schema, {})
@@ -106,7 +106,7 @@ def test_what_the_disk_refuses_reaches_the_caller_soon(room: int) -> None:
     assert next(numbers) * CHUNK_BYTES <= room + (CHUNKS_IN_WAIT + 4) * CHUNK_BYTES
 
 
-def test_the_end_tells_what_the_disk_refused() -> None:
+def test_finish_raises_a_write_error() -> None:
     writer = McapWriter(Disk(200), "none")
     channel = writer.add_channel("/a", writer.add_schema("a/msg/A", "ros2msg", b""), {})
     writer.add_message(channel, 1, bytes(1000), 1, 1)

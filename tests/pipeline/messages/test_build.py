@@ -36,12 +36,12 @@ def test_every_message_survives_serialisation(name: str) -> None:
     assert serialise(typestore().deserialize_cdr(cdr, name), name) == cdr
 
 
-def test_stamp_at_the_end_of_a_second() -> None:
+def test_stamps_at_the_end_of_a_second_are_exact() -> None:
     stamp = build.time(12_999_999_999)
     assert (stamp.sec, stamp.nanosec) == (12, 999_999_999)
 
 
-def test_pose_and_back() -> None:
+def test_a_pose_round_trips() -> None:
     map_SE3_base = se3_from_yaw([1, 2, 3], 2.5, -0.3)
     np.testing.assert_allclose(build.se3_from_pose(build.pose(map_SE3_base)), map_SE3_base, atol=1e-15)
     (transform,) = build.transforms(0, [("a", "b", map_SE3_base)]).transforms
@@ -49,7 +49,7 @@ def test_pose_and_back() -> None:
     assert (transform.header.frame_id, transform.child_frame_id) == ("a", "b")
 
 
-def test_detection_fields() -> None:
+def test_detections_have_the_boxes_fields() -> None:
     bus, anna = EXAMPLES["vision_msgs/msg/Detection3DArray"].detections
     assert (bus.id, bus.results[0].hypothesis.class_id) == ("bus", "truck")
     assert (anna.id, anna.results[0].hypothesis.class_id) == ("anna", "pedestrian")
@@ -57,19 +57,19 @@ def test_detection_fields() -> None:
     assert bus.bbox.center.orientation.z == pytest.approx(np.sin(-0.35))
 
 
-def test_road_user_fields() -> None:
+def test_road_users_have_the_boxes_fields() -> None:
     bus, _ = EXAMPLES["advpipe_msgs/msg/RoadUserArray"].road_users
     assert (bus.id, bus.class_id, bus.lidar_points, bus.occlusion) == ("bus", "truck", 10, 0.25)
     assert (bus.velocity.x, bus.velocity.y, bus.velocity.z) == (7, 8, 9)
 
 
-def test_covariance_of_a_fix() -> None:
+def test_a_fix_has_its_covariance() -> None:
     fix = EXAMPLES["sensor_msgs/msg/NavSatFix"]
     assert fix.position_covariance.tolist() == [1, 0, 0, 0, 4, 0, 0, 0, 9]
     assert fix.position_covariance_type == fix.COVARIANCE_TYPE_DIAGONAL_KNOWN
 
 
-def test_imu_fields() -> None:
+def test_imu_messages_have_their_fields() -> None:
     imu = EXAMPLES["sensor_msgs/msg/Imu"]
     force, rate = imu.linear_acceleration, imu.angular_velocity
     assert (force.x, force.y, force.z, rate.x, rate.y, rate.z) == (0.5, -1.0, 9.8, 0.1, 0.2, 0.3)
@@ -79,7 +79,7 @@ def test_imu_fields() -> None:
     assert imu.header.frame_id == "ego/imu"
 
 
-def test_covariances_of_odometry() -> None:
+def test_odometry_has_its_covariances() -> None:
     """ROS writes them row by row: x, y, z, and rotations about x, y, z."""
     covariance = np.zeros((6, 6))
     covariance[1, 5] = covariance[5, 1] = 0.25
@@ -91,13 +91,13 @@ def test_covariances_of_odometry() -> None:
     assert not twist_only.pose.covariance.any()
 
 
-def test_a_receiver_without_satellites() -> None:
+def test_a_receiver_without_satellites_states_no_fix() -> None:
     """sensor_msgs/NavSatStatus: STATUS_NO_FIX is -1, STATUS_FIX 0."""
     assert build.nav_sat_fix(1, 50, 8, 100, is_fix=False).status.status == -1
     assert build.nav_sat_fix(1, 50, 8, 100).status.status == 0
 
 
-def test_initial_pose_keeps_its_bits() -> None:
+def test_an_initial_pose_is_exact() -> None:
     pose = EXAMPLES["geometry_msgs/msg/PoseWithCovarianceStamped"].pose
     assert (pose.pose.orientation.z, pose.pose.orientation.w) == (0.6, 0.8)
     assert pose.covariance[[0, 7, 14, 21, 28, 35]].tolist() == [1, 2, 3, 4, 5, 6]

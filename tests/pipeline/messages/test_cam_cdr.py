@@ -18,7 +18,7 @@ from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 CamTree = dict[str, Any]
 
 
-def test_of_random_cams(random_cam_tree: Callable[..., CamTree]) -> None:
+def test_random_cams_are_serialised_as_by_rosbags(random_cam_tree: Callable[..., CamTree]) -> None:
     rng = np.random.default_rng(2)
     for _ in range(300):
         tree = random_cam_tree(rng)
@@ -28,10 +28,10 @@ def test_of_random_cams(random_cam_tree: Callable[..., CamTree]) -> None:
 @pytest.mark.parametrize(
     ("name", "value"), [("curvatureCalculationMode", "_ext_0"), ("pathDeltaTime", 70_000)]
 )
-def test_what_a_later_release_added(cam_vector: bytes, name: str, value: object) -> None:
+def test_values_of_a_later_release_are_refused(cam_vector: bytes, name: str, value: object) -> None:
     tree = decode_cam_tree(cam_vector)
     parameters = tree["cam"]["camParameters"]
     point = parameters["lowFrequencyContainer"][1]["pathHistory"][0]
     (point if name in point else parameters["highFrequencyContainer"][1])[name] = value
-    with pytest.raises(CamError, match="etsi_its_cam_msgs/CAM does not know"):
+    with pytest.raises(CamError, match="etsi_its_cam_msgs/CAM cannot hold"):
         cam_cdr(tree)

@@ -27,7 +27,7 @@ def through_cdr(tree: CamTree) -> Any:
     return typestore().deserialize_cdr(serialise(cam_message.cam_message(tree), CAM_TYPE), CAM_TYPE)
 
 
-def test_message_of_the_vector(cam_vector: bytes) -> None:
+def test_the_test_vector_becomes_the_expected_message(cam_vector: bytes) -> None:
     message = through_cdr(decode_cam_tree(cam_vector))
     assert message.header.station_id.value == 0xCAFE01
     parameters = message.cam.cam_parameters
@@ -47,7 +47,7 @@ def test_message_of_the_vector(cam_vector: bytes) -> None:
     assert encode_cam_tree(cam_message.cam_of_message(message)) == cam_vector
 
 
-def test_sizes_are_those_of_the_upstream_messages(cam_vector: bytes) -> None:
+def test_sizes_equal_those_of_the_upstream_messages(cam_vector: bytes) -> None:
     """Measured with the upstream definitions: 209 bytes without path points, 577 with 23."""
     tree = decode_cam_tree(cam_vector)
     history = tree["cam"]["camParameters"]["lowFrequencyContainer"][1]["pathHistory"]
@@ -59,14 +59,14 @@ def test_sizes_are_those_of_the_upstream_messages(cam_vector: bytes) -> None:
         assert len(cam_cdr(tree)) == size
 
 
-def test_every_value_comes_back(random_cam_tree: Callable[..., CamTree]) -> None:
+def test_every_value_round_trips(random_cam_tree: Callable[..., CamTree]) -> None:
     rng = np.random.default_rng(0)
     for _ in range(200):
         tree = random_cam_tree(rng)
         assert cam_message.cam_of_message(through_cdr(tree)) == tree
 
 
-def test_messages_do_not_share_what_is_absent(random_cam_tree: Callable[..., CamTree]) -> None:
+def test_messages_do_not_share_absent_parts(random_cam_tree: Callable[..., CamTree]) -> None:
     rng = np.random.default_rng(1)
     before = serialise(cam_message.cam_message(tree := random_cam_tree(rng)), CAM_TYPE)
     for _ in range(20):
@@ -74,14 +74,14 @@ def test_messages_do_not_share_what_is_absent(random_cam_tree: Callable[..., Cam
     assert serialise(cam_message.cam_message(tree), CAM_TYPE) == before
 
 
-def test_a_message_with_an_unknown_choice(cam_vector: bytes) -> None:
+def test_a_message_with_an_unknown_choice_is_refused(cam_vector: bytes) -> None:
     message = through_cdr(decode_cam_tree(cam_vector))
     message.cam.cam_parameters.high_frequency_container.choice = 2
     with pytest.raises(CamError, match="HighFrequencyContainer has no alternative 2"):
         cam_message.cam_of_message(message)
 
 
-def test_udp_packet(cam_vector: bytes) -> None:
+def test_a_udp_packet_holds_the_cam(cam_vector: bytes) -> None:
     packet = cam_message.udp_packet(STAMP_NS, cam_vector, address="7")
     cdr = serialise(packet, cam_message.UDP_TYPE)
     again = typestore().deserialize_cdr(cdr, cam_message.UDP_TYPE)
@@ -90,7 +90,7 @@ def test_udp_packet(cam_vector: bytes) -> None:
     assert again.address == "7"
 
 
-def test_other_readers_read_them_from_a_bag(tmp_path: Path, cam_vector: bytes) -> None:
+def test_other_libraries_read_the_messages_from_a_bag(tmp_path: Path, cam_vector: bytes) -> None:
     raw, decoded = Topic("/ego/v2x/rx/raw", cam_message.UDP_TYPE), Topic("/ego/v2x/rx/cam", CAM_TYPE)
     with BagWriter(tmp_path / "bag", provenance={"kind": "clean"}) as bag:
         bag.write(raw, cam_message.udp_packet(STAMP_NS, cam_vector), STAMP_NS)

@@ -15,7 +15,7 @@ HASHES = json.loads(Path(__file__).with_name("cam_type_hashes.json").read_text()
 
 
 @pytest.mark.oracle
-def test_definitions_are_the_upstream_ones() -> None:
+def test_definitions_equal_the_upstream_ones() -> None:
     assert len(HASHES) == 95
     assert {full_name(name) for name in cam_types()} == HASHES.keys() - {"udp_msgs/msg/UdpPacket"}
     for name, digest in HASHES.items():
@@ -28,7 +28,7 @@ def test_schema_holds_the_nested_types() -> None:
     assert text.count("MSG: etsi_its_cam_msgs/") == 93
 
 
-def test_fields_of_each_kind() -> None:
+def test_fields_follow_from_each_asn1_type() -> None:
     def fields(name: str) -> list[str]:
         return list(message_class(full_name(name)).__dataclass_fields__)[:4]
 
@@ -38,7 +38,7 @@ def test_fields_of_each_kind() -> None:
     assert fields("PathHistory")[0] == "array"
 
 
-def test_the_cam_types_are_loaded_when_asked_for() -> None:
+def test_the_cam_types_are_loaded_on_demand() -> None:
     code = (
         "import sys; from advpipe.pipeline.bag import reader, writer;"
         "from advpipe.pipeline.messages import build, types; types.typestore();"

@@ -37,7 +37,7 @@ def foreign_cdr(points: np.ndarray, fields: list[tuple[str, int, int]], **change
 @pytest.mark.oracle
 @pytest.mark.parametrize("points", [0, 1, 2, 3, 1000])
 @pytest.mark.parametrize("frame_id", ["", "a", "ego/lidar"])
-def test_bytes_are_those_of_rosbags(points: int, frame_id: str) -> None:
+def test_bytes_equal_those_of_rosbags(points: int, frame_id: str) -> None:
     cloud = random_cloud(points)
     cdr = cloud_to_cdr(cloud, STAMP_NS, frame_id)
     message = typestore().deserialize_cdr(cdr, TYPE)
@@ -61,7 +61,7 @@ def test_bytes_are_those_of_rosbags(points: int, frame_id: str) -> None:
     assert message.data.tobytes() == cloud.tobytes()
 
 
-def test_own_layout_is_a_view() -> None:
+def test_advpipes_layout_is_read_without_a_copy() -> None:
     cloud = random_cloud(100)
     cdr = cloud_to_cdr(cloud, STAMP_NS, "ego/lidar")
     stamp_ns, frame_id, back = cloud_from_cdr(cdr)
@@ -70,7 +70,7 @@ def test_own_layout_is_a_view() -> None:
     assert np.shares_memory(back, np.frombuffer(cdr, np.uint8))
 
 
-def test_nan_points_are_kept_and_announced() -> None:
+def test_points_that_are_not_finite_are_kept_and_declared() -> None:
     cloud = np.zeros(2, POINT_DTYPE)
     cloud["y"][1] = np.nan
     cdr = cloud_to_cdr(cloud, 0, "lidar")
@@ -78,7 +78,7 @@ def test_nan_points_are_kept_and_announced() -> None:
     assert np.isnan(cloud_from_cdr(cdr).cloud["y"]).tolist() == [False, True]
 
 
-def test_carla_layout() -> None:
+def test_carlas_layout_is_read() -> None:
     points = np.array([(1, 2, 3, 0.5), (4, 5, 6, 0.25)], np.dtype([(n, "<f4") for n in "xyzi"]))
     cdr = foreign_cdr(points, [("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("intensity", 12, 7)])
     cloud = cloud_from_cdr(cdr).cloud
@@ -87,7 +87,7 @@ def test_carla_layout() -> None:
     assert not cloud["time"].any()
 
 
-def test_ouster_layout_with_padding_and_nanoseconds() -> None:
+def test_ousters_layout_with_padding_and_nanoseconds_is_read() -> None:
     dtype = np.dtype(
         {
             "names": ["x", "y", "z", "intensity", "t", "reflectivity", "ring", "ambient", "range"],
@@ -112,7 +112,7 @@ def test_ouster_layout_with_padding_and_nanoseconds() -> None:
     assert cloud["time"].tolist() == pytest.approx([0, 0.05])
 
 
-def test_the_highest_byte_first() -> None:
+def test_big_endian_clouds_are_read() -> None:
     points = np.zeros(2, np.dtype([("x", ">f4"), ("y", ">f4"), ("z", ">f8"), ("ring", ">u2")]))
     points["x"], points["y"], points["z"], points["ring"] = [1, 4], [2, 5], [3, 6], [7, 300]
     fields = [("x", 0, 7), ("y", 4, 7), ("z", 8, 8), ("ring", 16, 4)]
@@ -121,7 +121,7 @@ def test_the_highest_byte_first() -> None:
     assert cloud["ring"].tolist() == [7, 300]
 
 
-def test_rows_with_gaps_between_them() -> None:
+def test_padded_rows_are_read() -> None:
     rows = np.zeros((2, 5), "<f4")  # a point (x, y, z) and 8 bytes of padding in each row
     rows[:, :3] = [[1, 2, 3], [4, 5, 6]]
     xyz_fields = [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)]
@@ -151,14 +151,14 @@ def test_sizes_that_do_not_fit_are_refused(changes: dict, fields: list, reason: 
         cloud_from_cdr(cdr)
 
 
-def test_every_cut_is_refused() -> None:
+def test_every_truncated_message_is_refused() -> None:
     cdr = cloud_to_cdr(random_cloud(3), STAMP_NS, "ego/lidar")
     for length in range(len(cdr) - 1):  # the last byte is is_dense, which reading does not need
         with pytest.raises(AdvpipeError):
             cloud_from_cdr(cdr[:length])
 
 
-def test_changed_bytes_never_crash() -> None:
+def test_changed_bytes_never_raise_another_error() -> None:
     cdr = cloud_to_cdr(random_cloud(3), STAMP_NS, "ego/lidar")
     rng = np.random.default_rng(1)
     for _ in range(3000):
@@ -171,7 +171,7 @@ def test_changed_bytes_never_crash() -> None:
             continue
 
 
-def test_a_huge_field_count_ends_at_once() -> None:
+def test_a_huge_field_count_is_refused_quickly() -> None:
     cdr = cloud_to_cdr(random_cloud(0), STAMP_NS, "")
     start = cdr.index(struct.pack("<I", 6), 4)
     with pytest.raises(AdvpipeError):

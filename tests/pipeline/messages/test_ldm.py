@@ -22,12 +22,12 @@ EXAMPLES = {
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_bytes_are_those_of_rosbags(name: str) -> None:
+def test_bytes_equal_those_of_rosbags(name: str) -> None:
     cdr = EXAMPLES[name]
     assert serialise(typestore().deserialize_cdr(cdr, name), name) == cdr
 
 
-def test_own_message() -> None:
+def test_advpipes_message_holds_the_entries() -> None:
     name = "advpipe_msgs/msg/LdmSnapshot"
     message = typestore().deserialize_cdr(EXAMPLES[name], name)
     first, second = message.objects
@@ -45,7 +45,7 @@ def test_own_message() -> None:
     assert [*counts, message.superseded] == [10, 11, 12, 13, 14, 15]
 
 
-def test_standard_mirror() -> None:
+def test_the_standard_message_holds_the_same_objects() -> None:
     name = "vision_msgs/msg/Detection3DArray"
     first, second = typestore().deserialize_cdr(EXAMPLES[name], name).detections
     assert (first.id, first.results[0].hypothesis.class_id) == ("7", "car")
@@ -55,7 +55,7 @@ def test_standard_mirror() -> None:
     assert (second.bbox.size.x, second.bbox.center.orientation.w) == (0, 1)
 
 
-def test_classes_of_station_types() -> None:
+def test_every_station_type_has_a_class() -> None:
     assert [class_of(kind) for kind in (0, 1, 2, 4, 5, 6, 8, 11, 255)] == [
         *("unknown", "pedestrian", "cyclist", "cyclist", "car", "truck", "truck", "unknown", "unknown")
     ]

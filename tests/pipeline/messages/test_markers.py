@@ -8,7 +8,7 @@ TYPE = "visualization_msgs/msg/MarkerArray"
 CUBE, LINE_STRIP, ADD, DELETE_ALL = 1, 4, 0, 3
 
 
-def test_cubes_after_a_clean_slate() -> None:
+def test_old_markers_are_cleared_before_the_cubes() -> None:
     geometry = np.array([[1.0, 2, 3, 4, 5, 6, np.pi / 2]] * 4)
     boxes = Boxes(geometry, np.arange(4), tuple("abcd"), np.zeros((4, 3)))
     message = markers(5_000_000_001, "map", boxes)
@@ -29,7 +29,7 @@ def test_an_empty_scene_is_still_cleared() -> None:
     assert clear.action == DELETE_ALL
 
 
-def test_lanes_come_back_from_their_lines() -> None:
+def test_lanes_round_trip() -> None:
     lanes = [
         (np.array([[0.0, 0, 1], [10, 5, 2], [20, 5, 2]]), 3.2),
         (np.array([[7.0, 7, 7], [8, 8, 8]]), 2.5),

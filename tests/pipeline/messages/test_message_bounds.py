@@ -1,4 +1,4 @@
-"""Messages that nobody can compute with fail where they enter, with topic, time and what is wrong."""
+"""Implausible messages are refused when they are read, with topic, time and the reason."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def decoded(stamped: tuple[Any, bytes, int], path: Path) -> tuple[BagReader, Any
     return reader, reader.decode(raw)
 
 
-def test_sound_messages(tmp_path: Path, record: Callable[..., Path]) -> None:
+def test_valid_messages_are_accepted(tmp_path: Path, record: Callable[..., Path]) -> None:
     decoded(stations_message(5, [PLACE]), tmp_path / "stations")
     decoded(sent_message(Sent(1, 2, 7, 5, b"abc", 23.0)), tmp_path / "sent")
     reader = BagReader(record(tmp_path / "bag"))
@@ -42,7 +42,7 @@ def test_sound_messages(tmp_path: Path, record: Callable[..., Path]) -> None:
 
 @pytest.mark.parametrize("value", ODD)
 @pytest.mark.parametrize("field", ["x_m", "size_m", "velocity_mps", "turn"])
-def test_stations(tmp_path: Path, field: str, value: float) -> None:
+def test_implausible_stations_are_refused(tmp_path: Path, field: str, value: float) -> None:
     _, message = decoded(stations_message(5, [PLACE]), tmp_path / "bag")
     (station,) = message.stations
     part = {
@@ -55,7 +55,7 @@ def test_stations(tmp_path: Path, field: str, value: float) -> None:
     assert implausibility(V2X_STATIONS.name, V2X_STATIONS.type, message)
 
 
-def test_station_twice_and_no_rotation(tmp_path: Path) -> None:
+def test_duplicate_stations_and_invalid_rotations_are_refused(tmp_path: Path) -> None:
     for places in (
         [PLACE, PLACE],
         [PLACE, PLACE._replace(station_id=8)],
@@ -78,7 +78,7 @@ def test_station_twice_and_no_rotation(tmp_path: Path) -> None:
         (Sent(1, 1, 7, 5, bytes(70_000), 23.0), "a payload of 70000 bytes"),
     ],
 )
-def test_sent(tmp_path: Path, sent: Sent, what: str) -> None:
+def test_implausible_transmissions_are_refused(tmp_path: Path, sent: Sent, what: str) -> None:
     with pytest.raises(AdvpipeError, match=f"a message of /v2x/sent at 5 ns has {what}"):
         decoded(sent_message(sent), tmp_path / "bag")
 
@@ -100,18 +100,20 @@ def received(**changes: Any) -> list[Any]:
         (2, {"number": 2**63}, "/ego/ground_truth/receptions at 6 ns has the number 9223372036854775808"),
     ],
 )
-def test_receptions(tmp_path: Path, place: int, changes: dict[str, Any], what: str) -> None:
+def test_implausible_receptions_are_refused(
+    tmp_path: Path, place: int, changes: dict[str, Any], what: str
+) -> None:
     with pytest.raises(AdvpipeError, match=f"a message of {what}"):
         decoded(received(**changes)[place], tmp_path / "bag")
 
 
-def test_a_radio_that_does_not_tell_power_or_sinr_is_sound(tmp_path: Path) -> None:
+def test_a_reception_without_power_or_sinr_is_accepted(tmp_path: Path) -> None:
     nan = float("nan")
     _, message = decoded(received(power_dbm=nan, sinr_db=nan)[1], tmp_path / "bag")
     assert np.isnan([message.power_dbm, message.sinr_db]).all()
 
 
-def test_another_type_on_our_topic(tmp_path: Path) -> None:
+def test_another_type_on_a_known_topic_is_refused(tmp_path: Path) -> None:
     from dataclasses import replace
 
     topic = replace(V2X_SENT, type="std_msgs/msg/String")
@@ -124,14 +126,14 @@ def test_another_type_on_our_topic(tmp_path: Path) -> None:
         list(reader.messages(V2X_SENT.name))
 
 
-def test_a_fix_without_a_place_is_sound() -> None:
+def test_a_fix_without_a_position_is_accepted() -> None:
     for latitude, expected in ((float("nan"), ""), (1e9, "has the latitude"), (48.0, "")):
         fix = build.nav_sat_fix(5, latitude, 11.0, 500.0)
         assert implausibility("/ego/gnss/fix", EGO.gnss_fix.type, fix).startswith(expected)
         assert bool(implausibility("/ego/gnss/fix", EGO.gnss_fix.type, fix)) == bool(expected)
 
 
-def test_names(tmp_path: Path) -> None:
+def test_long_names_are_refused(tmp_path: Path) -> None:
     long = RadioPlace(7, "x" * 1_000_000, *PLACE[2:])
     with pytest.raises(AdvpipeError, match="a station's name of 1000000 characters"):
         decoded(stations_message(5, [long]), tmp_path / "long")

@@ -20,12 +20,12 @@ def used_packages() -> set[str]:
     return {package for text in texts for package in fields.findall(text)} - {"advpipe_msgs"}
 
 
-def test_every_definition_is_built_and_known() -> None:
+def test_every_definition_is_built_and_registered() -> None:
     assert re.findall(r'"msg/(\w+)\.msg"', CMAKE) == [path.stem for path in DEFINITIONS]
     assert {f"advpipe_msgs/msg/{path.stem}" for path in DEFINITIONS} <= set(typestore().types)
 
 
-def test_dependencies_are_those_used() -> None:
+def test_the_declared_dependencies_are_those_used() -> None:
     assert used_packages() == {"std_msgs", "geometry_msgs", "builtin_interfaces"}
     (listed,) = re.findall(r"DEPENDENCIES ([\w ]+)", CMAKE)
     assert set(listed.split()) == used_packages()

@@ -6,14 +6,14 @@ from advpipe.pipeline.messages import topics
 from advpipe.pipeline.messages.topics import VehicleTopics
 
 
-def test_qos_and_back() -> None:
+def test_qos_round_trips() -> None:
     for topic in (topics.CLOCK, topics.TF, topics.TF_STATIC, VehicleTopics().lidar_points):
         text = qos_to_yaml(topic.qos)
         assert qos_from_yaml(text) == topic.qos
         assert "\n" not in text
 
 
-def test_numbers_are_those_of_rmw() -> None:
+def test_numbers_equal_those_of_rmw() -> None:
     (latched,) = yaml.safe_load(qos_to_yaml(topics.TF_STATIC.qos))
     assert (latched["history"], latched["depth"]) == (1, 1)
     assert (latched["reliability"], latched["durability"]) == (1, 1)
@@ -22,7 +22,7 @@ def test_numbers_are_those_of_rmw() -> None:
 
 
 @pytest.mark.oracle
-def test_names_as_jazzy_writes_them() -> None:
+def test_names_written_by_jazzy_are_read() -> None:
     from rosbags.rosbag2.metadata import dump_qos_v9
 
     text = yaml.safe_dump(dump_qos_v9(list(topics.TF_STATIC.qos)))
@@ -30,7 +30,7 @@ def test_names_as_jazzy_writes_them() -> None:
     assert qos_from_yaml(text) == topics.TF_STATIC.qos
 
 
-def test_names_of_a_vehicle() -> None:
+def test_a_vehicles_topics_have_its_namespace() -> None:
     bus = VehicleTopics("bus_3")
     assert bus.lidar_points.name == "/bus_3/lidar/points"
     assert bus.objects.name == "/bus_3/ground_truth/objects"

@@ -16,11 +16,11 @@ UPSTREAM_HASHES = {
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("name", UPSTREAM_HASHES)
-def test_definitions_are_the_installed_ones(name: str) -> None:
+def test_definitions_equal_the_installed_ones(name: str) -> None:
     assert type_hash(name) == f"RIHS01_{UPSTREAM_HASHES[name]}"
 
 
-def test_own_messages_have_the_agreed_fields() -> None:
+def test_advpipes_messages_have_the_agreed_fields() -> None:
     assert [name for name, _ in typestore().fielddefs["advpipe_msgs/msg/RoadUser"][1]] == [
         "id",
         "class_id",

@@ -40,14 +40,14 @@ PLACES = tuple(
 
 def again(stamped: StampedCdr) -> object:
     topic, cdr, _ = stamped
-    message_class(topic.type)  # the types of CAMs join the store when one is asked for
+    message_class(topic.type)  # adds the types of CAMs to the store
     message = typestore().deserialize_cdr(cdr, topic.type)
     assert serialise(message, topic.type) == cdr
     return message
 
 
 @pytest.mark.parametrize("count", range(len(PLACES) + 1))
-def test_stations(count: int) -> None:
+def test_stations_round_trip(count: int) -> None:
     stamped = stations_message(STAMP_NS, PLACES[:count])
     found = stations_of_message(again(stamped))
     assert stamped[2] == STAMP_NS
@@ -60,7 +60,7 @@ def test_stations(count: int) -> None:
 
 
 @pytest.mark.parametrize("length", range(10))
-def test_sent(length: int) -> None:
+def test_transmissions_round_trip(length: int) -> None:
     sent = Sent(2**63 + 5, 2**64 - 1, 2**32 - 1, STAMP_NS, bytes(range(length)), 23.5)
     stamped = sent_message(sent)
     assert sent_of_message(again(stamped)) == sent
@@ -68,13 +68,13 @@ def test_sent(length: int) -> None:
 
 
 @pytest.mark.parametrize("length", range(9))
-def test_udp_packet(length: int) -> None:
+def test_a_udp_packet_holds_btp_and_cam(length: int) -> None:
     payload = bytes(range(length))
     packet = udp_packet(STAMP_NS, payload)
     assert udp_packet_cdr(STAMP_NS, payload) == serialise(packet, VehicleTopics().sent_raw.type)
 
 
-def test_what_a_vehicle_sends_and_receives(cam_vector: bytes) -> None:
+def test_sent_and_received_messages_hold_bytes_and_values(cam_vector: bytes) -> None:
     sent = Sent(0, 1, 7, STAMP_NS, cam_vector, 23.0)
     tree = decode_cam_tree(cam_vector)
     topics = VehicleTopics("ego")
@@ -91,7 +91,7 @@ def test_what_a_vehicle_sends_and_receives(cam_vector: bytes) -> None:
 
 
 @pytest.mark.parametrize("is_cam", [True, False])
-def test_how_it_arrived_and_what_it_truly_was(cam_vector: bytes, is_cam: bool) -> None:
+def test_receptions_hold_power_sinr_and_the_true_transmission(cam_vector: bytes, is_cam: bool) -> None:
     """Of whatever is received, with the stamp of its packet; to the bit."""
     sent = Sent(2**63 - 1, 1, 2**32 - 1, STAMP_NS, cam_vector if is_cam else b"rubbish", 23.0)
     tree = decode_cam_tree(cam_vector) if is_cam else None
@@ -107,7 +107,7 @@ def test_how_it_arrived_and_what_it_truly_was(cam_vector: bytes, is_cam: bool) -
         assert stamped[2] == build.stamp_ns(again(stamped)) == STAMP_NS + 500
 
 
-def test_what_is_no_cam_stays_bytes() -> None:
+def test_bytes_that_are_no_cam_give_no_values() -> None:
     sent = Sent(0, 1, 7, STAMP_NS, b"\x02\x02rubbish", 23.0)
     (own,) = own_messages(VehicleTopics("ego"), sent)
     (heard, *_) = received_messages(Received("ego", sent, None, STAMP_NS, -70.0, 20.0, Verdict.CORRUPT))

@@ -26,7 +26,7 @@ def match(truth, detections, scores, evaluated=None, min_iou=0.7) -> FrameMatche
     return match_frame(truth, evaluated, detections, np.array(scores, float), min_iou)
 
 
-def test_all_found_is_one():
+def test_all_objects_found_gives_one():
     assert average_precision([match(cars(0, 10), cars(0, 10), [0.9, 0.8])]) == 1.0
 
 
@@ -39,11 +39,11 @@ def test_false_positive_on_top_halves_the_precision():
     assert average_precision([match(cars(0), cars(50, 0), [0.9, 0.8])]) == 0.5
 
 
-def test_false_positive_at_the_bottom_costs_nothing():
+def test_a_false_positive_at_the_bottom_has_no_effect():
     assert average_precision([match(cars(0), cars(0, 50), [0.9, 0.1])]) == 1.0
 
 
-def test_mixed_case_by_hand():
+def test_a_mixed_case_equals_a_value_computed_by_hand():
     # T F T over 4 cars: precision 1 at recall 1/4 (10 positions), 2/3 at 2/4 (10 more), then nothing
     frame = match(cars(0, 10, 20, 30), cars(0, 50, 10), [0.9, 0.8, 0.7])
     assert average_precision([frame]) == pytest.approx((10 * 1 + 10 * 2 / 3) / 40)
@@ -61,36 +61,36 @@ def test_second_detection_of_a_car_is_a_false_positive():
     assert average_precision([frame]) == pytest.approx((20 * 1 + 20 * 2 / 3) / 40)
 
 
-def test_iou_threshold_counts_as_met():
+def test_an_overlap_equal_to_the_threshold_matches():
     # offset 4/7 m: IoU = (4 - 4/7) / (4 + 4/7) = 0.75
     assert match(cars(0), cars(4 / 7), [1.0], min_iou=0.7499).is_true_positive.all()
     assert not match(cars(0), cars(4 / 7), [1.0], min_iou=0.7501).is_true_positive.any()
 
 
-def test_ignored_truth_and_its_detection_do_not_count():
+def test_ignored_objects_and_their_detections_are_not_counted():
     frame = match(cars(0, 10), cars(0, 10), [0.8, 0.9], evaluated=[True, False])
     assert frame.n_truth == 1
     assert frame.is_ignored.tolist() == [False, True]
     assert average_precision([frame]) == 1.0
 
 
-def test_only_ignored_truth_is_undefined():
+def test_only_ignored_objects_give_nan():
     assert np.isnan(average_precision([match(cars(0), cars(0), [0.9], evaluated=[False])]))
 
 
-def test_evaluated_truth_is_preferred_to_an_ignored_one_that_overlaps_more():
+def test_an_evaluated_object_is_preferred_to_an_ignored_one_with_more_overlap():
     frame = match(cars(0, 0.3), cars(0), [0.9], evaluated=[False, True])
     assert frame.is_true_positive.tolist() == [True]
     assert frame.found_by.tolist() == [-1, 0]
 
 
-def test_second_detection_may_fall_to_an_ignored_truth():
+def test_a_second_detection_may_match_an_ignored_object():
     frame = match(cars(0, 0.3), cars(0, 0.1), [0.9, 0.8], evaluated=[True, False])
     assert frame.is_true_positive.tolist() == [True, False]
     assert frame.is_ignored.tolist() == [False, True]
 
 
-def test_best_score_chooses_first_and_takes_the_best_overlap():
+def test_the_best_score_is_matched_first_with_the_highest_overlap():
     frame = match(cars(0, 0.6), cars(0.5, 0.0), [0.9, 0.8])
     assert frame.found_by.tolist() == [1, 0]
 
@@ -99,13 +99,13 @@ def test_equal_scores_within_a_frame_are_matched_in_the_order_given():
     assert match(cars(0), cars(0.2, 0.0), [0.5, 0.5]).found_by.tolist() == [0]
 
 
-def test_equal_scores_over_frames_stand_and_fall_together():
+def test_equal_scores_in_several_frames_share_a_threshold():
     hit, miss = match(cars(0), cars(0), [0.5]), match(cars(0), cars(50), [0.5])
     # one threshold: 1 of 2 found with precision 1/2, whichever frame comes first
     assert average_precision([hit, miss]) == average_precision([miss, hit]) == 20 * 0.5 / 40
 
 
-def test_empty_frames_and_no_detections():
+def test_empty_frames_and_missing_detections_are_counted():
     nothing = match(cars(), cars(), [])
     assert np.isnan(average_precision([nothing]))
     assert np.isnan(average_precision([]))
@@ -125,19 +125,19 @@ def test_r11_reads_recall_0_too():
     assert r11([match(cars(0), cars(50, 0), [0.9, 0.8])]) == 0.5
 
 
-def test_r11_by_hand():
+def test_r11_equals_a_value_computed_by_hand():
     # T F T over 4 cars: 1 at recalls 0, .1, .2 (up to 1/4), 2/3 at .3, .4, .5, nothing beyond
     frame = match(cars(0, 10, 20, 30), cars(0, 50, 10), [0.9, 0.8, 0.7])
     assert r11([frame]) == pytest.approx((3 * 1 + 3 * 2 / 3) / 11)
 
 
-def test_r11_of_nothing():
+def test_r11_without_objects_is_nan():
     assert r11([match(cars(0), cars(), [])]) == 0.0
     assert r11([match(cars(0), cars(50), [0.9])]) == 0.0
     assert np.isnan(r11([match(cars(), cars(0), [0.9])]))
 
 
-def test_a_recall_that_falls_on_a_position_reaches_it():
+def test_a_recall_equal_to_a_position_reaches_it():
     for n in (3, 7, 10, 40, 41, 120):  # i / n == k / 40 must not be missed by rounding
         truth = cars(*(10.0 * i for i in range(n)))
         for found in {1, n // 2, n - 1, n} - {0}:
@@ -154,13 +154,13 @@ def test_birds_eye_overlap_ignores_the_height():
     assert match_frame(truth, np.array([True]), raised, scores, 0.7, iou_bev).is_true_positive.all()
 
 
-def test_found_with_a_minimal_score():
+def test_found_respects_the_minimum_score():
     frame = match(cars(0, 10, 20), cars(0, 10), [0.9, 0.2], evaluated=[True, True, True])
     assert frame.found().tolist() == [True, True, False]
     assert frame.found(0.5).tolist() == [True, False, False]
 
 
-def test_best_f1_score():
+def test_the_best_f1_threshold_equals_one_computed_by_hand():
     # F1 at .9: 2*1/(1+2) = .67; at .8: 2*2/(2+2) = 1; at .1: 2*2/(3+2) = .8
     frame = match(cars(0, 10), cars(0, 10, 50), [0.9, 0.8, 0.1])
     assert RankedMatches.of([frame]).best_f1_score() == pytest.approx(0.45)
@@ -300,7 +300,7 @@ def test_weights_equal_repeated_frames():
     assert RankedMatches.of(matches).average_precision(weights) == pytest.approx(average_precision(repeated))
 
 
-def test_order_of_frames_does_not_matter():
+def test_the_order_of_frames_does_not_matter():
     rng = np.random.default_rng(4)
     matches = [match_frame(*random_frame(rng), 0.5) for _ in range(8)]
     assert average_precision(matches) == average_precision(matches[::-1])

@@ -26,7 +26,7 @@ def stamps(n: int, period_s: float = 0.1) -> np.ndarray:
         (4, 6.0, [1, 1, 1, 1]),
     ],
 )
-def test_blocks_by_hand(n, period_s, sizes):
+def test_blocks_equal_those_found_by_hand(n, period_s, sizes):
     blocks = time_blocks(stamps(n, period_s))
     assert [len(b) for b in blocks] == sizes
     assert np.concatenate([*blocks, np.zeros(0, int)]).tolist() == list(range(n))
@@ -59,7 +59,7 @@ def test_same_seed_same_draws():
     assert (a != c).any()
 
 
-def test_pairing_cancels_what_frames_have_in_common():
+def test_pairing_cancels_common_variation_of_frames():
     rng = np.random.default_rng(0)
     clean = rng.normal(size=500)  # varies wildly from frame to frame
     attacked = clean - 0.3  # but the attack always costs the same
@@ -70,7 +70,7 @@ def test_pairing_cancels_what_frames_have_in_common():
     assert high == pytest.approx(-0.3)
 
 
-def test_covers_the_true_mean_about_as_often_as_it_says():
+def test_the_interval_covers_the_true_mean_about_as_often_as_stated():
     rng = np.random.default_rng(1)
     covered = 0
     for _ in range(200):
@@ -82,18 +82,18 @@ def test_covers_the_true_mean_about_as_often_as_it_says():
     assert 0.88 <= covered / 200 <= 0.99
 
 
-def test_samples_are_those_of_each_draw_and_equal_draws_are_computed_once():
+def test_samples_follow_the_draws_and_equal_draws_are_computed_once():
     drawn = BlockBootstrap.of(stamps(150), 200, np.random.default_rng(0))
     values = np.random.default_rng(1).normal(size=150)
-    asked = []
+    computed = []
 
     def mean(times):
-        asked.append(len(times))
+        computed.append(len(times))
         weights = times[:, drawn.block]
         return weights @ values / weights.sum(axis=1)
 
     assert drawn.samples(mean) == pytest.approx(drawn.weights @ values / drawn.weights.sum(axis=1))
-    assert asked == [10]  # all multisets of 3 blocks out of 3
+    assert computed == [10]  # all multisets of 3 blocks out of 3
 
 
 def test_undefined_draws_are_left_out():

@@ -13,19 +13,19 @@ def brute_force(a, b):
     return squared.min(axis=1).mean() + squared.min(axis=0).mean()
 
 
-def test_one_point_moved_counts_from_both_sides():
+def test_a_moved_point_counts_in_both_directions():
     # one of two points moved by 3 m: 9 / 2 from each side
     a, b = [[0, 0, 0], [100, 0, 0]], [[0, 0, 0], [100, 3, 0]]
     assert chamfer_distance(a, b) == 9.0
 
 
-def test_removed_point_counts_from_one_side():
+def test_a_removed_point_counts_in_one_direction():
     # the removed point is 2 m from the one that stays: 4 / 2 + 0
     assert chamfer_distance([[0, 0, 0], [2, 0, 0]], [[0, 0, 0]]) == 2.0
     assert chamfer_distance([[0, 0, 0]], [[0, 0, 0], [2, 0, 0]]) == 2.0
 
 
-def test_everyone_moved_by_eps_gives_twice_eps_squared():
+def test_moving_all_points_by_eps_gives_twice_eps_squared():
     grid = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), axis=-1).reshape(-1, 3)
     assert chamfer_distance(grid, grid + [0.0, 0.0, 0.1]) == pytest.approx(2 * 0.1**2)
 
@@ -54,7 +54,7 @@ def test_equals_brute_force(change):
     assert chamfer_distance(a, b, workers=2) == chamfer_distance(a, b)
 
 
-def test_signed_zeros_are_the_same_place():
+def test_signed_zeros_are_equal():
     assert chamfer_distance([[0.0, 0.0, 0.0], [1, 1, 1]], [[-0.0, 0.0, -0.0], [1, 1, 1]]) == 0.0
 
 

@@ -16,20 +16,20 @@ def match(truth, detections, scores, evaluated=None) -> FrameMatches:
     return match_frame(truth, evaluated, detections, np.array(scores, float), 0.7)
 
 
-def test_finds_is_found_by_turned_round():
+def test_finds_is_the_inverse_of_found_by():
     frame = match(cars(0, 10, 20), cars(50, 20, 0), [0.9, 0.8, 0.7])
     assert frame.found_by.tolist() == [2, -1, 1]
     assert frame.finds.tolist() == [-1, 2, 0]
 
 
-def test_overlaps_given_as_a_matrix():
+def test_a_matrix_of_overlaps_is_matched():
     overlap = np.array([[0.8, 0.75], [0.9, 0.1]])
     frame = match_overlaps(overlap, np.array([True, True]), np.array([0.6, 0.7]), 0.7)
     # the second scores higher and takes the first object; the first is left the other one
     assert frame.finds.tolist() == [1, 0]
 
 
-def test_a_table_counts_over_all_frames():
+def test_a_table_numbers_detections_over_all_frames():
     frames = [
         match(cars(0), cars(0, 50), [0.9, 0.8]),
         match(cars(), cars(), []),
@@ -44,7 +44,7 @@ def test_a_table_counts_over_all_frames():
     assert RankedMatches.of(table).average_precision() == average_precision(frames)
 
 
-def test_a_table_of_no_frames():
+def test_a_table_may_have_no_frames():
     assert np.isnan(RankedMatches.of(MatchTable.of([])).average_precision())
 
 
@@ -52,7 +52,7 @@ def near(xs, limit=15.0):
     return np.abs(np.array(xs)) < limit
 
 
-def test_objects_outside_a_part_and_what_finds_them_do_not_count():
+def test_objects_outside_a_selection_and_their_detections_are_not_counted():
     # near: the car at 0, found, and at 10, missed; far: one at 20, found with the best score
     table = MatchTable.of([match(cars(0, 10, 20), cars(20, 0), [0.9, 0.8])])
     part = table.within(near([0, 10, 20]), near([20, 0]))
@@ -63,7 +63,7 @@ def test_objects_outside_a_part_and_what_finds_them_do_not_count():
     assert RankedMatches.of(rest).average_precision() == 1.0
 
 
-def test_a_false_positive_counts_in_its_own_part_only():
+def test_a_false_positive_counts_only_in_its_own_selection():
     # the false positive at 30 scores best: it halves the precision of the far part and not of the near one
     table = MatchTable.of([match(cars(0, 20), cars(30, 0, 20), [0.9, 0.8, 0.7])])
     at = [30, 0, 20]
@@ -71,14 +71,14 @@ def test_a_false_positive_counts_in_its_own_part_only():
     assert RankedMatches.of(table.within(~near([0, 20]), ~near(at))).average_precision() == 0.5
 
 
-def test_a_detection_just_outside_that_finds_an_object_inside_counts():
+def test_a_detection_just_outside_that_matches_an_object_inside_counts():
     table = MatchTable.of([match(cars(14.9), cars(15.1), [0.9])])
     part = table.within(near([14.9]), near([15.1]))
     assert part.matches.is_true_positive.tolist() == [True]
     assert RankedMatches.of(part).average_precision() == 1.0
 
 
-def test_what_was_ignored_before_stays_ignored():
+def test_ignored_detections_stay_ignored():
     table = MatchTable.of([match(cars(0, 10), cars(0, 10), [0.9, 0.8], evaluated=[False, True])])
     part = table.within(np.array([True, True]), np.array([True, True]))
     assert part.matches.is_ignored.tolist() == [True, False]
@@ -86,7 +86,7 @@ def test_what_was_ignored_before_stays_ignored():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_parts_share_out_objects_and_detections(seed):
+def test_selections_partition_objects_and_detections(seed):
     rng = np.random.default_rng(seed)
     frames = []
     for _ in range(5):

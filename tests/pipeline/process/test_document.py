@@ -24,7 +24,7 @@ def refuse(word: str) -> None:
     raise AssertionError(f"{word} is no JSON")
 
 
-def test_everything_becomes_what_json_has() -> None:
+def test_all_values_become_json_types() -> None:
     text = strict_json(
         {
             "found": Found(Path("a/b"), Counter(cars=2)),
@@ -51,6 +51,6 @@ def test_everything_becomes_what_json_has() -> None:
     assert "\x7f" not in text
 
 
-def test_an_unknown_kind_of_value_is_not_passed_over() -> None:
+def test_a_value_of_another_type_is_refused() -> None:
     with pytest.raises(TypeError):
         strict_json({"what": object()})

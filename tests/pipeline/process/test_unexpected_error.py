@@ -1,4 +1,4 @@
-"""An error that nobody thought of: one line, a file with the traceback, and a failure in tests."""
+"""Unexpected errors: one line, a file with the traceback, and a failure in tests."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def inspect(fault: str, folder: Path, *options: str, **environment: str) -> subp
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_one_line_and_a_file(tmp_path: Path, kind: str) -> None:
+def test_an_unexpected_error_gives_one_line_and_a_file(tmp_path: Path, kind: str) -> None:
     done = inspect(FAULTS[kind], tmp_path)
     assert done.returncode == 1
     assert done.stdout == ""
@@ -54,20 +54,20 @@ def test_one_line_and_a_file(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize(("options", "value"), [(["--traceback"], "0"), ([], "1")])
-def test_the_traceback_is_shown_where_asked_for(tmp_path: Path, options: list[str], value: str) -> None:
+def test_the_traceback_is_shown_on_request(tmp_path: Path, options: list[str], value: str) -> None:
     done = inspect(FAULTS["ZeroDivisionError"], tmp_path, *options, ADVPIPE_TRACEBACK=value)
     assert done.stderr.startswith("Traceback (most recent call last)")
     assert done.stderr.splitlines()[-1].startswith("advpipe: unexpected ZeroDivisionError")
 
 
-def test_without_a_place_for_the_file_the_traceback_is_shown(tmp_path: Path) -> None:
+def test_the_traceback_is_shown_if_the_file_cannot_be_written(tmp_path: Path) -> None:
     done = inspect(FAULTS["ZeroDivisionError"], tmp_path, ADVPIPE_TRACEBACK_DIR=str(tmp_path / "nowhere"))
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback (most recent call last)")
     assert "cannot be saved to a file: No such file or directory" in done.stderr.splitlines()[-1]
 
 
-def test_a_mistake_of_the_users_shows_no_traceback(tmp_path: Path) -> None:
+def test_a_usage_error_shows_no_traceback(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "advpipe", "--traceback", "inspect", "nowhere"]
     done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)

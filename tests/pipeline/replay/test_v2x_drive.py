@@ -18,13 +18,13 @@ from advpipe.pipeline.messages.v2x import stations_message
 from advpipe.pipeline.replay.v2x_drive import LONGEST_STEP_NS, V2xDrive
 
 
-def test_a_bag_without_v2x(tmp_path: Path, record: Callable[..., Path]) -> None:
+def test_a_bag_without_v2x_is_refused(tmp_path: Path, record: Callable[..., Path]) -> None:
     with pytest.raises(AdvpipeError, match=r"bag has no /.*, so there is no V2X to replay"):
         V2xDrive(BagReader(record(tmp_path / "bag", frames=1)))
 
 
 @pytest.mark.parametrize("info", ["", "{}", "[1]", '{"v2x": {"penetration": 7}}'])
-def test_a_scenario_that_is_none(tmp_path: Path, info: str) -> None:
+def test_a_bag_with_an_invalid_scenario_is_refused(tmp_path: Path, info: str) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as writer:
         writer.write(SCENARIO_INFO, string(info), 5)
         writer.write_cdr(*stations_message(5, ()))
@@ -32,7 +32,7 @@ def test_a_scenario_that_is_none(tmp_path: Path, info: str) -> None:
         V2xDrive(BagReader(tmp_path / "bag"))
 
 
-def test_a_step_that_lasts_too_long(tmp_path: Path) -> None:
+def test_a_step_that_lasts_too_long_is_refused(tmp_path: Path) -> None:
     bag = _stations_at(tmp_path / "bag", 5, 5 + LONGEST_STEP_NS, 6 + 3 * LONGEST_STEP_NS)
     steps = V2xDrive(BagReader(bag)).steps()
     assert next(steps).end_ns == 5 + LONGEST_STEP_NS
@@ -40,7 +40,7 @@ def test_a_step_that_lasts_too_long(tmp_path: Path) -> None:
         next(steps)
 
 
-def test_a_drive_after_the_last_time_stamp(tmp_path: Path) -> None:
+def test_a_drive_after_the_last_ros_time_stamp_is_refused(tmp_path: Path) -> None:
     """What is sent again could not be stamped."""
     drive = V2xDrive(BagReader(_stations_at(tmp_path / "bag", LATEST_NS, LATEST_NS + 1)))
     with pytest.raises(AdvpipeError, match=r"/v2x/stations at \d+ ns is after January 2038"):
@@ -48,7 +48,7 @@ def test_a_drive_after_the_last_time_stamp(tmp_path: Path) -> None:
 
 
 def _stations_at(path: Path, *times_ns: int) -> Path:
-    """A drive in which nobody has a radio."""
+    """A drive in which no vehicle has a radio."""
     info = {
         "v2x": {},
         "map": {"origin": {"latitude_deg": 0.0, "longitude_deg": 0.0}},

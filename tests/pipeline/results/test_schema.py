@@ -91,6 +91,25 @@ def test_every_key_of_the_earlier_schema_is_still_allowed():
         assert after[place] == {**of_new, "deprecated": True}
 
 
+UNITS = {
+    "_m": "metre",
+    "_m2": "square metre",
+    "_s": "second",
+    "_deg": "degree",
+    "_percent": "percent",
+    "delta_points": "percentage point",
+}
+
+
+def test_every_key_is_described_with_its_unit():
+    for place, value in keys_of(report_schema()):
+        key = place[-1].removesuffix("$")
+        assert value.get("description"), place
+        for end, unit in UNITS.items():
+            if key.endswith(end):
+                assert unit in value["description"], place
+
+
 def keys_of(schema, path=()):
     """Each key that the schema allows, by its path, and the schema of its value."""
     for keyword in ("properties", "patternProperties"):

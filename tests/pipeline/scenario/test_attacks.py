@@ -1,4 +1,4 @@
-"""Attacks in scenario files: schedules worked out by hand, and mistakes said in one line."""
+"""Attacks in scenario files: schedules computed by hand, and one-line errors."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def times_on(schedule: Schedule, step_s: float = 0.1, count: int = 12) -> list[i
         (Schedule(kind="random", probability=1.0, to_s=0.3), [0, 1, 2]),
     ],
 )
-def test_when_an_attack_is_on(schedule: Schedule, expected: list[int]) -> None:
+def test_an_attack_acts_by_its_schedule(schedule: Schedule, expected: list[int]) -> None:
     assert times_on(schedule) == expected
 
 
-def test_by_chance_it_is_on_as_often_as_it_is_said() -> None:
+def test_a_random_schedule_acts_with_its_probability() -> None:
     schedule, rng = Schedule(from_s=1, kind="random", probability=0.3), np.random.default_rng(5)
     on = sum(schedule.active(2.0, rng) for _ in range(4000))
     assert abs(on - 1200) < 5 * np.sqrt(4000 * 0.3 * 0.7)
@@ -49,7 +49,7 @@ def test_by_chance_it_is_on_as_often_as_it_is_said() -> None:
     assert [schedule.active(t, rng) for t in (0.0, 0.5, 1.0)] == [False, False, expected]
 
 
-def test_spans_that_meet_at_a_moment_do_not_overlap() -> None:
+def test_adjacent_schedules_do_not_overlap() -> None:
     first, second = Schedule(to_s=5), Schedule(from_s=5, to_s=9)
     assert not first.overlaps(second)
     assert not second.overlaps(first)
@@ -73,7 +73,7 @@ def test_spans_that_meet_at_a_moment_do_not_overlap() -> None:
         ({"period_s": 3}, "period_s is given, but kind is continuous; set kind: periodic"),
     ],
 )
-def test_bad_schedules(keys: dict[str, object], line: str) -> None:
+def test_invalid_schedules_are_refused(keys: dict[str, object], line: str) -> None:
     with pytest.raises(ValidationError, match=line):
         Schedule.model_validate(keys)
 
@@ -101,7 +101,7 @@ def test_bad_schedules(keys: dict[str, object], line: str) -> None:
         ({}, "Field required"),
     ],
 )
-def test_bad_attacks_are_one_line(keys: dict[str, object], line: str) -> None:
+def test_invalid_attacks_give_a_one_line_error(keys: dict[str, object], line: str) -> None:
     with pytest.raises(AdvpipeError, match=line) as caught:
         attack_spec(keys)
     assert "\n" not in str(caught.value)
@@ -113,14 +113,14 @@ def written(folder: Path, attacks: str) -> str:
     return str(path)
 
 
-def test_one_attack_and_a_list_of_one_are_the_same(tmp_path: Path) -> None:
+def test_an_attack_equals_a_list_of_one_attack(tmp_path: Path) -> None:
     one = load_scenario(written(tmp_path, "attacks: {a: {type: detach, parameters: {ratio: 0.01}}}"))
     many = load_scenario(written(tmp_path, "attacks: {a: [{type: detach, parameters: {ratio: 0.01}}]}"))
     assert one.attacks == many.attacks
     assert one.attacks["a"][0].parameters == {"ratio": 0.01}
 
 
-def test_a_drive_is_the_same_whatever_its_attacks(tmp_path: Path) -> None:
+def test_the_resolved_scenario_does_not_contain_attacks(tmp_path: Path) -> None:
     attacked = load_scenario(written(tmp_path, "attacks: {a: {type: detach}}"))
     plain = load_scenario(written(tmp_path, ""))
     assert dump_scenario(attacked) == dump_scenario(plain)
@@ -141,7 +141,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("attacks", "line"), BAD.items())
-def test_mistakes_in_a_scenario_name_their_place(tmp_path: Path, attacks: str, line: str) -> None:
+def test_errors_in_a_scenarios_attacks_name_their_place(tmp_path: Path, attacks: str, line: str) -> None:
     with pytest.raises(AdvpipeError, match=line) as caught:
         load_scenario(written(tmp_path, attacks))
     assert "\n" not in str(caught.value)
@@ -160,6 +160,6 @@ def test_mistakes_in_a_scenario_name_their_place(tmp_path: Path, attacks: str, l
         ("{a b: {type: detach}}", False),
     ],
 )
-def test_the_schema_takes_one_or_many(attacks: str, fits: bool) -> None:
+def test_the_schema_accepts_one_attack_or_a_list(attacks: str, fits: bool) -> None:
     tree = yaml.safe_load(GOOD + f"attacks: {attacks}\n")
     assert jsonschema.Draft202012Validator(scenario_schema()).is_valid(tree) == fits

@@ -1,4 +1,4 @@
-"""YAML of scenarios: bombs and odd values are one line, at once and in little memory; anchors are kept."""
+"""YAML of scenarios: bombs and odd values give one line in little time and memory; anchors are expanded."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ print(f"{time.process_time() - start < 5} {peak_mib < 300} {peak_mib} MiB")
 """
 
 
-def test_plain_values_come_out_as_those_of_pyyaml() -> None:
+def test_plain_values_equal_those_of_pyyaml() -> None:
     text = "a: [1, 2.5, 0x10, true, null, ~, word, '5', 2026-01-01T12:00:00Z]\nb: {c: {d: [[], {}]}}\n"
     assert read_document(text).tree == yaml.safe_load(text)
     assert read_document("2026-01-01T12:00:00Z").tree == datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
     assert read_document("").tree is None
 
 
-def test_anchors_and_merges_are_written_out_and_shared_by_nobody() -> None:
+def test_anchors_and_merges_are_expanded_to_separate_values() -> None:
     text = "base: &b {x: 1, y: [2]}\none: *b\ntwo: {<<: *b, x: 3}\nthree: {<<: [{x: 9}, *b]}\n"
     tree = read_document(text).tree
     assert tree == yaml.safe_load(text)
@@ -52,7 +52,7 @@ def test_anchors_and_merges_are_written_out_and_shared_by_nobody() -> None:
     assert tree["base"]["y"] == tree["two"]["y"] == [2]
 
 
-def test_lines_are_those_of_the_keys() -> None:
+def test_lines_are_the_lines_of_the_keys() -> None:
     lines = read_document("a: 1\nb:\n  c: &c {d: 4}\n  e: *c\n").lines()
     assert lines["a",] == 1
     assert lines["b", "c"] == 3
@@ -60,7 +60,7 @@ def test_lines_are_those_of_the_keys() -> None:
     assert lines["b", "e"] == 4
 
 
-def test_a_word_with_colons_is_no_number_to_base_60() -> None:
+def test_a_string_with_colons_is_no_sexagesimal_number() -> None:
     assert read_document("a: 1:30").tree == {"a": "1:30"}
 
 
@@ -100,7 +100,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "found"), BAD.items(), ids=[text[:20] for text in BAD])
-def test_bad_documents_are_one_short_line(text: str, found: tuple[int | None, str]) -> None:
+def test_invalid_documents_give_a_short_one_line_error(text: str, found: tuple[int | None, str]) -> None:
     line, problem = found
     with pytest.raises(DocumentError, match=problem) as caught:
         read_document(text)
@@ -111,7 +111,7 @@ def test_bad_documents_are_one_short_line(text: str, found: tuple[int | None, st
 
 @pytest.mark.parametrize("bomb", [BOMB, LONG, MERGES], ids=["words", "characters", "merges"])
 @pytest.mark.parametrize("by_option", [False, True], ids=["file", "--set"])
-def test_bombs_take_neither_time_nor_memory(tmp_path: Path, bomb: str, by_option: bool) -> None:
+def test_yaml_bombs_take_neither_time_nor_memory(tmp_path: Path, bomb: str, by_option: bool) -> None:
     (tmp_path / "a.yaml").write_text(
         "name: a\nmap: {sumo_net: boulevard.net.xml}\nattacks:\n  x:\n    type: cam-dos\n    parameters:\n"
         + "".join(f"      {line}\n" for line in bomb.splitlines())

@@ -25,7 +25,7 @@ def test_shipped_scenarios_load(name: str) -> None:
     assert load_scenario(name).name == name
 
 
-def test_the_resolved_scenario_loads_again_as_the_same(tmp_path: Path) -> None:
+def test_the_resolved_scenario_round_trips(tmp_path: Path) -> None:
     scenario = load_scenario("boulevard", ["simulation.seed=9", "traffic.mix={sedan: 1, bus: 2}"])
     again = load_scenario(written(tmp_path, dump_scenario(scenario)))
     assert again == scenario
@@ -33,7 +33,7 @@ def test_the_resolved_scenario_loads_again_as_the_same(tmp_path: Path) -> None:
     assert again.traffic.mix == {"sedan": 1, "bus": 2}
 
 
-def test_the_resolved_scenario_names_no_folder(tmp_path: Path) -> None:
+def test_the_resolved_scenario_holds_no_folders(tmp_path: Path) -> None:
     scenario = load_scenario("town06", [f"map.opendrive={tmp_path}/Town06.xodr"])
     assert str(tmp_path) not in dump_scenario(scenario)
     assert yaml.safe_load(dump_scenario(scenario))["map"]["opendrive"] == "Town06.xodr"
@@ -46,7 +46,7 @@ BAD = {
     "simulation:\n  duration_s: 0.01\n": r"shorter than one step",
     "simulation:\n  duration_s: .nan\n": r"simulation\.duration_s \(line 5\): .*finite",
     "sensors:\n  lidars:\n    lidar:\n      channels: 0\n": r"sensors\.lidars\.lidar\.channels \(line 7\)",
-    "sensors:\n  lidars:\n    lidar:\n      rotation_frequency: 7\n": r"takes 0\.142857 s, which is no whole",
+    "sensors:\n  lidars:\n    lidar:\n      rotation_frequency: 7\n": r"0\.142857 s, which is not a multiple",
     "sensors:\n  lidars:\n    lidar:\n      vehicle: bob\n": r"'bob' is not one of the vehicles",
     "vehicles: {}\n": r"vehicles is empty",
     "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank is not a known body; known: sedan",
@@ -73,7 +73,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "message"), BAD.items(), ids=range(len(BAD)))
-def test_bad_keys_and_values_are_named(tmp_path: Path, text: str, message: str) -> None:
+def test_errors_name_invalid_keys_and_values(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         load_scenario(written(tmp_path, GOOD + text))
     assert "\n" not in str(caught.value)
@@ -97,7 +97,7 @@ def test_bad_keys_and_values_are_named(tmp_path: Path, text: str, message: str) 
     ],
     ids=lambda text: text[:40],
 )
-def test_bad_overrides(override: str, message: str) -> None:
+def test_invalid_overrides_are_refused(override: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message):
         load_scenario("smoke", [override])
 
@@ -106,7 +106,7 @@ def test_bad_overrides(override: str, message: str) -> None:
     ("content", "message"),
     [(b"", "holds no scenario"), (b"\xff\xfe\x00", "text"), (b"a: [", "line 1"), (b"- 1\n", "no scenario")],
 )
-def test_files_that_are_no_scenario(tmp_path: Path, content: bytes, message: str) -> None:
+def test_files_that_are_no_scenario_are_refused(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_bytes(content)
     with pytest.raises(AdvpipeError, match=message):
@@ -118,23 +118,23 @@ def test_an_unknown_name_lists_the_shipped_ones() -> None:
         load_scenario("boulevrd")
 
 
-def test_a_map_in_a_circle_is_refused(tmp_path: Path) -> None:
+def test_a_cyclic_alias_is_refused(tmp_path: Path) -> None:
     with pytest.raises(AdvpipeError, match=r"mine\.yaml line 2: an alias refers to a value that contains"):
         load_scenario(written(tmp_path, "name: here\nmap: &m {origin: *m}\n"))
 
 
-def test_an_override_elsewhere_leaves_the_blame_with_the_file(tmp_path: Path) -> None:
+def test_an_unrelated_override_does_not_hide_the_error_of_the_file(tmp_path: Path) -> None:
     bad = written(tmp_path, GOOD + "simulation: {seed: -1}\n")
     with pytest.raises(AdvpipeError, match=r"mine\.yaml: simulation\.seed \(line 4\)"):
         load_scenario(bad, ["simulation.duration_s=1"])
 
 
-def test_a_name_of_any_length_is_looked_for() -> None:
+def test_a_name_of_any_length_is_searched_for() -> None:
     with pytest.raises(AdvpipeError, match=r"^no scenario 'x.{,300}$"):
         load_scenario("x" * 5000)
 
 
-def test_the_map_that_a_shipped_scenario_lacks_lies_in_no_folder_of_ours(tmp_path: Path) -> None:
+def test_the_missing_map_of_a_shipped_scenario_has_no_folder(tmp_path: Path) -> None:
     assert load_scenario("town06").map.opendrive == "Town06.xodr"
     mine = written(tmp_path, "name: here\nmap: {opendrive: Town06.xodr}\n")
     assert load_scenario(mine).map.opendrive == str(tmp_path / "Town06.xodr")

@@ -19,13 +19,13 @@ BAD = {
 
 
 @pytest.mark.parametrize(("override", "message"), BAD.items())
-def test_bad_maps_are_named(override: str, message: str) -> None:
+def test_errors_name_invalid_maps(override: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         load_scenario("smoke", [override])
     assert "\n" not in str(caught.value)
 
 
-def test_a_source_that_is_set_takes_the_place_of_the_files() -> None:
+def test_an_overridden_source_replaces_the_files() -> None:
     scenario = load_scenario("smoke", ["map.generator={kind: spider, size: 5}"])
     assert scenario.map.sumo_net is None
     assert scenario.map.generator is not None

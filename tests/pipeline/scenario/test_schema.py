@@ -31,14 +31,14 @@ def plain(text: str) -> Any:
 
 
 @pytest.mark.oracle
-def test_the_schema_is_one() -> None:
+def test_the_schema_is_valid() -> None:
     jsonschema.Draft202012Validator.check_schema(scenario_schema())
     assert json.loads(schema_json()) == scenario_schema()
 
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("name", shipped_scenarios())
-def test_shipped_scenarios_fit(name: str) -> None:
+def test_shipped_scenarios_fit_the_schema(name: str) -> None:
     tree = plain(shipped_scenarios()[name].read_text(encoding="utf-8"))
     VALIDATOR.validate(tree)
     if name != "town06":  # whose map is the user's
@@ -59,7 +59,7 @@ def test_shipped_scenarios_fit(name: str) -> None:
         {"traffic": {"vehicles": -1}},
     ],
 )
-def test_what_loading_refuses_does_not_fit(tmp_path: Path, change: dict[str, Any]) -> None:
+def test_scenarios_that_loading_refuses_do_not_fit_the_schema(tmp_path: Path, change: dict[str, Any]) -> None:
     tree = {**SMALLEST, **change}
     assert not VALIDATOR.is_valid(tree)
     (tmp_path / "x.yaml").write_text(yaml.safe_dump(tree))
@@ -74,7 +74,7 @@ def test_every_section_is_described_and_closed() -> None:
         assert section["description"], name
 
 
-def test_paths_are_marked_and_defaults_told() -> None:
+def test_paths_are_marked_and_defaults_stated() -> None:
     definitions = scenario_schema()["$defs"]
     opendrive = definitions["Map"]["properties"]["opendrive"]
     assert {"type": "string", "format": "path", "minLength": 1, "maxLength": 4096} in opendrive["anyOf"]

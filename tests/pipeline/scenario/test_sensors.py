@@ -28,7 +28,7 @@ DATASHEETS = {
 
 
 @pytest.mark.parametrize("name", LIDAR_PRESETS)
-def test_presets_have_the_figures_of_their_datasheets(name: str) -> None:
+def test_presets_have_the_values_of_their_data_sheets(name: str) -> None:
     channels, lowest, highest, columns, range_m = DATASHEETS[name]
     sensor = LidarSensor(preset=name)
     angles = sensor.vertical_angles_deg
@@ -39,7 +39,7 @@ def test_presets_have_the_figures_of_their_datasheets(name: str) -> None:
     assert (sensor.columns, sensor.range) == (columns, range_m)
 
 
-def test_uneven_tables_are_fine_where_the_road_is() -> None:
+def test_uneven_elevations_are_densest_near_the_horizon() -> None:
     steps = {
         name: [b - a for a, b in pairwise(LidarSensor(preset=name).vertical_angles_deg or ())]
         for name in LIDAR_PRESETS
@@ -53,7 +53,7 @@ def test_uneven_tables_are_fine_where_the_road_is() -> None:
         assert max(steps[name]) > 3 * min(steps[name])
 
 
-def test_a_key_beside_the_preset_wins() -> None:
+def test_a_key_overrides_the_preset() -> None:
     sensor = LidarSensor(preset="vlp-16", range=60, noise_stddev=0.0, rotation_frequency=20)
     assert (sensor.range, sensor.noise_stddev, sensor.channels) == (60, 0.0, 16)
     assert sensor.columns == 904  # half as many at twice the rate
@@ -72,7 +72,7 @@ def test_a_key_beside_the_preset_wins() -> None:
         "{channels: 16}",
     ],
 )
-def test_the_resolved_sensor_loads_again_as_the_same(tmp_path: Path, lidar: str) -> None:
+def test_the_resolved_sensor_round_trips(tmp_path: Path, lidar: str) -> None:
     scenario = load_scenario("smoke", [f"sensors.lidars={{top: {lidar}}}"])
     path = tmp_path / "again.yaml"
     path.write_text(dump_scenario(scenario), encoding="utf-8")
@@ -83,7 +83,7 @@ def test_the_resolved_sensor_loads_again_as_the_same(tmp_path: Path, lidar: str)
 BAD: dict[str, tuple[dict[str, Any], str]] = {
     "unknown preset": (
         {"preset": "VLP16"},
-        r"preset 'VLP16' is no known sensor; did you mean 'vlp-16'\? known",
+        r"preset 'VLP16' is unknown; did you mean 'vlp-16'\? known",
     ),
     "no word": ({"preset": 3}, "valid string"),
     "no channels": ({"channels": 0}, "greater than or equal to 1"),
@@ -98,19 +98,19 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "no angles": ({"vertical_angles_deg": []}, "holds 0 angles for 64 channels"),
     "falling": ({"vertical_angles_deg": [0, 1, 1]}, "does not rise"),
     "beyond the zenith": ({"vertical_angles_deg": [0, 91]}, "less than or equal to 90"),
-    "no grid": ({"coordinate_grid_m": 0.002}, r"0.002 is no power of two; the nearest is 0.001953125"),
+    "no grid": ({"coordinate_grid_m": 0.002}, r"0.002 is not a power of two; the nearest is 0.001953125"),
     "not finite": ({"vertical_angles_deg": [0, float("nan")]}, "less than or equal to 90|finite"),
 }
 
 
 @pytest.mark.parametrize(("keys", "message"), BAD.values(), ids=BAD)
-def test_bad_sensors_are_refused(keys: dict[str, Any], message: str) -> None:
+def test_invalid_sensors_are_refused(keys: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         LidarSensor(**keys)
 
 
-def test_an_unknown_preset_is_one_line() -> None:
-    with pytest.raises(AdvpipeError, match=r"sensors\.lidars\.lidar: preset 'os2' is no known") as caught:
+def test_an_unknown_preset_gives_a_one_line_error() -> None:
+    with pytest.raises(AdvpipeError, match=r"sensors\.lidars\.lidar: preset 'os2' is unknown") as caught:
         load_scenario("smoke", ["sensors.lidars.lidar.preset=os2"])
     assert "\n" not in str(caught.value)
 
@@ -119,7 +119,7 @@ def test_a_turn_may_take_several_steps() -> None:
     slow = ["simulation.step_s=0.05", "sensors.lidars.lidar.rotation_frequency=5"]
     assert load_scenario("smoke", slow).simulation.step_s == 0.05
     with pytest.raises(
-        AdvpipeError, match=r"takes 0\.05 s, which is no whole number of simulation\.step_s of 0\.1"
+        AdvpipeError, match=r"takes 0\.05 s, which is not a multiple of simulation\.step_s 0\.1"
     ):
         load_scenario("smoke", ["sensors.lidars.lidar.rotation_frequency=20"])
 
@@ -139,6 +139,6 @@ def test_a_turn_may_take_several_steps() -> None:
         ("map.generator={speed_mps: 1.0e-9}", "greater than or equal to 1"),
     ],
 )
-def test_frames_keep_their_names_and_numbers_their_bounds(setting: str, message: str) -> None:
+def test_names_of_frames_are_unique_and_rays_bounded(setting: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message):
         load_scenario("smoke", [setting])

@@ -1,4 +1,4 @@
-"""The sections `traffic`, `trajectories` and `vehicles`: who may be asked for, and what excludes what."""
+"""The sections `traffic`, `trajectories` and `vehicles`: allowed values, and keys that exclude each other."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("override", "message"), BAD.items())
-def test_bad_traffic_is_named(override: str, message: str) -> None:
+def test_errors_name_invalid_traffic(override: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         load_scenario("smoke", [override])
     assert "\n" not in str(caught.value)

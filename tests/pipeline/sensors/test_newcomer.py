@@ -59,7 +59,7 @@ def test_it_is_configured_and_recorded(dataset: Path) -> None:
     assert static == {"ego/imu", "ego/roof", "ego/front"}
 
 
-def test_without_its_line_the_scenario_does_not_know_it(dataset: Path) -> None:
+def test_without_its_registry_line_the_scenario_refuses_it(dataset: Path) -> None:
     with pytest.raises(AdvpipeError, match=r"sensors\.radars \(line \d+\): unknown key"):
         load_scenario(str(dataset / "scenario.yaml"))
 
@@ -77,7 +77,7 @@ def test_its_panel_is_in_the_layouts_and_the_drive_verifies(dataset: Path, tmp_p
     assert (styles[RADAR], styles[LIDAR]) == ("Boxes", "Points")
 
 
-def test_nobody_takes_it_for_a_lidar(dataset: Path, tmp_path: Path) -> None:
+def test_it_is_not_taken_for_a_lidar(dataset: Path, tmp_path: Path) -> None:
     """Not even a release that does not know it: both have topics of sensor_msgs/PointCloud2."""
     clean = dataset / "clean"
     reader = BagReader(clean)
@@ -120,7 +120,7 @@ for refuse in (
 """
 
 
-def test_mistakes_are_told_in_a_line(dataset: Path) -> None:
+def test_errors_are_one_line(dataset: Path) -> None:
     command = [sys.executable, "-c", REFUSED, str(dataset)]
     done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
     named, carrier, name, bounds = done.stdout.splitlines()

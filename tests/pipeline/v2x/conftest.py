@@ -1,4 +1,4 @@
-"""A car of which a test says only what matters to it."""
+"""A car with default values, of which a test states only those that it needs."""
 
 from __future__ import annotations
 

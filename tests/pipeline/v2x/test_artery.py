@@ -88,14 +88,14 @@ def station_state(station_id: int, row: Row, utm: pyproj.Proj) -> StationState:
     )
 
 
-def test_sends_at_the_same_instants(
+def test_cams_are_sent_at_the_same_instants_as_in_artery(
     ours: dict[tuple[int, int], tuple[Cam, Cause]], artery: dict[tuple[int, int], Row]
 ) -> None:
     assert len(artery) == 5343
     assert sorted(ours) == sorted(artery)
 
 
-def test_sends_for_the_same_reasons(
+def test_cams_are_sent_for_the_same_reasons_as_in_artery(
     ours: dict[tuple[int, int], tuple[Cam, Cause]], artery: dict[tuple[int, int], Row]
 ) -> None:
     """Artery measures distance in the grid of UTM, 0.04 % shorter there than on the ground."""
@@ -106,7 +106,7 @@ def test_sends_for_the_same_reasons(
         assert cause == Cause.FIRST or differing <= {"T"}, key
 
 
-def test_fields_where_artery_is_right(
+def test_fields_equal_arterys_where_artery_is_right(
     ours: dict[tuple[int, int], tuple[Cam, Cause]], artery: dict[tuple[int, int], Row]
 ) -> None:
     """Artery rounds positions to a microdegree, speed to the nearest (the dictionary asks for up).

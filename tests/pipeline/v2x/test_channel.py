@@ -1,4 +1,4 @@
-"""Through the air: what comes of good messages, of corrupt ones, and of those that nobody waits for."""
+"""The channel: the outcomes of valid messages, of corrupt ones, and of those whose listener has left."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def arrivals(heard: ChannelResult) -> list[tuple[str, int, Verdict]]:
     return [(one.listener, one.sent.number, one.verdict) for one in heard.received]
 
 
-def test_a_cam_reaches_both_and_enters_their_maps(payload: bytes) -> None:
+def test_a_cam_reaches_both_listeners_and_enters_their_maps(payload: bytes) -> None:
     one = channel()
     heard = one.advance(START_NS + 100 * MS, NEAR, [message(0, 10, payload)])
     assert arrivals(heard) == [("ego", 0, Verdict.ACCEPTED), ("other", 0, Verdict.ACCEPTED)]
@@ -70,8 +70,8 @@ def test_corrupt_bytes_are_counted_and_never_in_a_map(payload: bytes) -> None:
     assert (snapshot.verdicts[Verdict.CORRUPT], snapshot.entries) == (len(broken), ())
 
 
-def test_no_flipped_bits_make_it_fall(payload: bytes) -> None:
-    """Whatever bits say, a verdict is found; what still is a CAM may say what it likes."""
+def test_flipped_bits_never_raise_an_error(payload: bytes) -> None:
+    """Every message has a verdict, whatever its bits; a message that is still a CAM may hold any values."""
     rng, one, sent = np.random.default_rng(3), channel(), []
     for number in range(600):
         data = bytearray(payload)
@@ -88,7 +88,7 @@ def test_no_flipped_bits_make_it_fall(payload: bytes) -> None:
     assert ldm_detections_cdr(snapshot)
 
 
-def test_what_a_receiver_still_works_on_comes_later(payload: bytes) -> None:
+def test_a_message_in_processing_arrives_in_a_later_step(payload: bytes) -> None:
     one = channel(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
     assert not one.advance(START_NS + 100 * MS, NEAR, [message(0, 10, payload)]).received
     heard = one.advance(START_NS + 200 * MS, NEAR, [])
@@ -96,7 +96,7 @@ def test_what_a_receiver_still_works_on_comes_later(payload: bytes) -> None:
     assert not one.advance(START_NS + 300 * MS, NEAR, []).received
 
 
-def test_a_listener_that_leaves_hears_no_more(payload: bytes) -> None:
+def test_a_listener_that_left_receives_nothing(payload: bytes) -> None:
     one = channel(processing_delay_min_s=0.15, processing_delay_max_s=0.15)
     one.advance(START_NS + 100 * MS, NEAR, [message(0, 10, payload)])
     without_ego = Stations(NEAR.ids[[0, 2]], NEAR.antenna_m[[0, 2]])

@@ -9,14 +9,14 @@ from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.v2x.section import Shadowing
 
 
-def test_defaults() -> None:
+def test_the_defaults_are_the_documented_ones() -> None:
     radio = load_scenario("smoke").v2x.radio
     assert (radio.transmit_power_dbm, radio.frequency_hz, radio.bitrate_mbps) == (23, 5.9e9, 6)
     assert (radio.noise_dbm, radio.path_loss, radio.fading) == (-98, "dual_slope", "nakagami")
     assert radio.shadowing == Shadowing(near_stddev_db=5.6, far_stddev_db=8.1)
 
 
-def test_each_loss_can_be_chosen() -> None:
+def test_each_loss_model_can_be_chosen() -> None:
     chosen = ["path_loss=free_space", "shadowing=null", "fading=none", "building_loss=obstacles"]
     radio = load_scenario("smoke", [f"v2x.radio.{choice}" for choice in chosen]).v2x.radio
     assert (radio.path_loss, radio.shadowing, radio.fading) == ("free_space", None, "none")
@@ -50,7 +50,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("override", "message"), BAD.items())
-def test_bad_values_are_named(override: str, message: str | None) -> None:
+def test_errors_name_invalid_values(override: str, message: str | None) -> None:
     if message is None:
         assert load_scenario("smoke", [override])
         return

@@ -47,7 +47,7 @@ def counted() -> Statistics:
     return tally.statistics()
 
 
-def test_by_hand() -> None:
+def test_statistics_equal_values_computed_by_hand() -> None:
     statistics = counted()
     assert statistics.pairs[:3] == (0, 6, 0)
     assert statistics.received[:3] == (0, 3, 0)
@@ -66,7 +66,7 @@ def test_by_hand() -> None:
     assert statistics.busy_max == (0.3, 0.3, 0.3)
 
 
-def test_summary() -> None:
+def test_the_summary_names_rates_delivery_and_load() -> None:
     assert counted().lines() == [
         ("CAMs", "3 of 1 stations"),
         ("CAM rate", "5.0 Hz on average, 5.0 to 5.0 Hz"),
@@ -76,7 +76,7 @@ def test_summary() -> None:
     ]
 
 
-def test_json_and_back() -> None:
+def test_statistics_round_trip_through_json() -> None:
     statistics = counted()
     assert from_json(statistics.to_json()) == statistics
     for text in ("{}", "[1]", '{"pairs": []}'):
@@ -103,7 +103,7 @@ def test_json_and_back() -> None:
     ],
     ids=str,
 )
-def test_statistics_that_are_none(changed: dict[str, object]) -> None:
+def test_invalid_statistics_are_refused(changed: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         from_json(json.dumps(json.loads(counted().to_json()) | changed))
 
@@ -129,7 +129,7 @@ def drive() -> Statistics:
     return tally.statistics()
 
 
-def test_a_drive_through_the_medium() -> None:
+def test_statistics_of_a_simulated_drive_are_consistent() -> None:
     statistics = drive()
     assert sum(statistics.outcomes.values()) == 30 * statistics.cams
     assert sum(statistics.pairs) == 29 * statistics.cams

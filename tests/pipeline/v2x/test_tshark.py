@@ -1,4 +1,4 @@
-"""tshark, which did not see our code, reads the same values from the same bytes."""
+"""tshark, an independent decoder, reads the same values from the same bytes."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def agree(folder: Path, trees: list[CamTree]) -> None:
             assert text == ",".join(ours(tree, asn1_cam(), place.split("."))), field
 
 
-def test_random_cams(tmp_path: Path, random_cam_tree: Callable[..., CamTree]) -> None:
+def test_tshark_decodes_random_cams(tmp_path: Path, random_cam_tree: Callable[..., CamTree]) -> None:
     rng = np.random.default_rng(0)
     trees = [random_cam_tree(rng, vehicle=True) for _ in range(400)]
     for tree in trees:
@@ -141,7 +141,7 @@ def test_random_cams(tmp_path: Path, random_cam_tree: Callable[..., CamTree]) ->
     agree(tmp_path, trees)
 
 
-def test_every_cam_of_a_drive(tmp_path: Path, car: Callable[..., StationState]) -> None:
+def test_tshark_decodes_every_cam_of_a_drive(tmp_path: Path, car: Callable[..., StationState]) -> None:
     """A minute on a ring of 100 m radius, with every field that our stations fill."""
     generator, trees = CamGenerator(0), []
     for check in range(600):
@@ -171,7 +171,7 @@ def test_every_cam_of_a_drive(tmp_path: Path, car: Callable[..., StationState]) 
     agree(tmp_path, trees)
 
 
-def test_every_cam_of_a_recorded_drive(tmp_path: Path) -> None:
+def test_tshark_decodes_every_cam_of_a_recorded_drive(tmp_path: Path) -> None:
     """Three listeners in dense traffic: what was sent, and what was received and recorded as values."""
     settings = [
         "simulation.duration_s=3",
@@ -201,7 +201,7 @@ def test_every_cam_of_a_recorded_drive(tmp_path: Path) -> None:
             agree(tmp_path, values)
 
 
-def test_btp_header(tmp_path: Path, cam_vector: bytes) -> None:
+def test_tshark_decodes_the_btp_header(tmp_path: Path, cam_vector: bytes) -> None:
     path = tmp_path / "btp.pcap"
     capture(path, [btp_packet(cam_vector)], LINK_BTP)
     fields = ["btpb.dstport", "btpb.dstportinf", "its.stationID", "_ws.malformed"]

@@ -1,4 +1,4 @@
-"""A straight road to the east on which everybody drives at the same speed and sends once a step.
+"""A straight road to the east on which all vehicles drive at the same speed and send once per step.
 
 Numbers to work with by hand: station i has its middle at x0_i + 10 t, its front 2.25 m further, and sends
 i * 10 ms after the begin of each step of 0.1 s what was true at the begin.
@@ -41,7 +41,7 @@ def radio(station_id, x_m, y_m=0.0, speed_mps=SPEED_MPS, yaw_rad=0.0):
 
 
 def cam(place, time_ns, acceleration_mps2=0.0):
-    """What a station says that knows itself well."""
+    """The CAM of a station with exact self-knowledge."""
     point = reference_point(GEODESY, place.map_SE3_base, LENGTH_M)
     state = StationState(
         station_id=place.station_id,
@@ -102,21 +102,21 @@ def context(name, attackers=(1,), victim=None, active=lambda time_ns: True, seed
 
 
 def edited(attack, drive):
-    """All that is sent, in order, after a check of the rules that every editor has to keep."""
-    told = []
+    """All messages that are sent, in order, after a check of the rules for editors."""
+    sent = []
     for step in drive:
         after = attack.edit(step, step.sent)
         present = {place.station_id for place in step.radios}
         assert all(step.begin_ns <= one.request_ns < step.end_ns for one in after)
         assert all(one.station_id in present for one in after)
-        told += sorted(after, key=lambda one: (one.request_ns, one.number))
+        sent += sorted(after, key=lambda one: (one.request_ns, one.number))
         attack.context.cams.forget()
-    assert len({one.number for one in told}) == len(told)
-    assert len({one.key for one in told}) == len(told)
-    return told
+    assert len({one.number for one in sent}) == len(sent)
+    assert len({one.key for one in sent}) == len(sent)
+    return sent
 
 
-def said(one):
-    """A message's CAM, and its report as a receiver would have it right away."""
-    told = decode_cam(one.payload)
-    return told, report_of_cam(told, one.request_ns, GEODESY)
+def decoded(one):
+    """A message's CAM, and the LDM report of a receiver without delay."""
+    cam = decode_cam(one.payload)
+    return cam, report_of_cam(cam, one.request_ns, GEODESY)

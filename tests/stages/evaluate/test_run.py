@@ -47,7 +47,8 @@ def test_figures_by_hand(clean, attacked, tmp_path, capsys):
     print_report(report)
     printed = capsys.readouterr().out
     assert "65.00" in printed
-    assert "  randomly any" in printed
+    assert "  randomly anywhere" in printed
+    assert f"no interval: {FRAMES} frames" in printed  # they fill two blocks
 
 
 @pytest.mark.oracle
@@ -127,13 +128,21 @@ def test_clean_bag_alone(clean, tmp_path, capsys):
     assert "mAP 1.000; car alone 1.000" in printed
 
 
-def test_detector_that_finds_nothing(clean, attacked, tmp_path):
+def test_detector_that_finds_nothing(clean, attacked, tmp_path, capsys):
     bag = attacked(hide_first_car, frames=range(2))
-    evaluate(clean, [bag], tmp_path / "report", detector="place_drive:BlindDetector")
+    report = evaluate(clean, [bag], tmp_path / "report", detector="place_drive:BlindDetector")
     (row,) = rows(tmp_path / "report")
     assert row["map_clean"] == row["map_adv"] == 0.0
     assert row["map_ratio_percent"] is None
-    assert any("ratio is undefined" in note for note in row["notes"])
+    undefined = "undefined: nothing found on the clean bag"
+    assert any(f"mAP ratio {undefined}" in note for note in row["notes"])
+    assert "100.00" not in (page := (tmp_path / "report" / "report.html").read_text())
+    assert page.count(f'<td class="ratio">{undefined}</td>') == 3  # the clean bag, the attack, its baseline
+    print_report(report)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "100.00" not in printed
+    assert undefined in printed
+    assert undefined in str(report)
 
 
 def test_folder_holds_the_whole_report(clean, attacked, tmp_path):

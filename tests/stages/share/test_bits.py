@@ -10,7 +10,7 @@ from advpipe.pipeline.dataset.layout import files
 from advpipe.stages.verify.run import verify
 
 
-def test_a_bit_in_every_file(shared: Path, tmp_path: Path) -> None:
+def test_a_flipped_bit_in_any_file_is_found(shared: Path, tmp_path: Path) -> None:
     """Card, list, pictures, layouts, contracts, labels, reports and bags: small files, too."""
     folder = Path(shutil.copytree(shared, tmp_path / "copy"))
     assert verify(folder, quick=True).is_good

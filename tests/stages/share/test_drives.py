@@ -41,7 +41,7 @@ def make_child_of(attack: Path, drive: Path) -> None:
             out.copy(raw)
 
 
-def test_a_second_drive(dataset: Path, tmp_path: Path) -> None:
+def test_a_data_set_with_a_second_drive_is_shared(dataset: Path, tmp_path: Path) -> None:
     shutil.rmtree(dataset / "reports")
     drive_again(dataset / "clean", dataset / "evening")
     result = verify(dataset)
@@ -49,7 +49,7 @@ def test_a_second_drive(dataset: Path, tmp_path: Path) -> None:
     make_child_of(dataset / "fewer_points", dataset / "evening")
     share(dataset, tmp_path / "out")
     card = (tmp_path / "out" / "README.md").read_text()
-    assert "2 adversarial versions. 1 other drive lies beside it." in card
+    assert "2 adversarial versions. 1 other drive is stored beside it." in card
     assert "another recorded drive" in card
     assert "the records of `fewer_points` name the SHA-256 of `evening`" in card
     assert "the records of `false_speed` name the SHA-256 of `clean`" in card

@@ -87,8 +87,8 @@ class Elements(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        words = sorted(f"{name}={value}" for name, value in attrs if name != "alt")
-        self.found[" ".join([tag, *words])] += 1
+        attributes = sorted(f"{name}={value}" for name, value in attrs if name != "alt")
+        self.found[" ".join([tag, *attributes])] += 1
         self.text += next((str(value) for name, value in attrs if name == "alt"), "")
 
     def handle_comment(self, data: str) -> None:
@@ -110,19 +110,19 @@ PLAIN = rendered(page("plain"))
 
 
 @pytest.mark.parametrize("text", NASTY, ids=lambda text: ascii(text)[:20])
-def test_no_element_of_its_own(text: str) -> None:
+def test_untrusted_text_creates_no_markdown_elements(text: str) -> None:
     shown = rendered(page(text))
     assert shown.found == PLAIN.found
     assert not shown.comments
 
 
 @pytest.mark.parametrize("text", NASTY, ids=lambda text: ascii(text)[:20])
-def test_it_is_shown_as_it_is_written(text: str) -> None:
+def test_untrusted_text_is_shown_literally(text: str) -> None:
     expected = "".join(sign if sign.isprintable() or sign.isspace() else "\ufffd" for sign in text)
     assert " ".join(rendered(f"x {escaped(text)} x").text.split()) == f"x {' '.join(expected.split())} x"
 
 
-def test_ours_stays() -> None:
+def test_markdown_is_not_escaped_again() -> None:
     assert escaped(Markdown("`a` <b>")) == "`a` <b>"
     assert escaped("19.9 s, 0.0, -3 m") == "19.9 s, 0.0, -3 m"
     assert escaped("box_truck") == "box_truck"
@@ -131,7 +131,7 @@ def test_ours_stays() -> None:
     assert eval(literal("größe")) == "größe"
 
 
-def test_own_words() -> None:
+def test_the_authors_text_is_kept_or_fenced() -> None:
     assert authors_text("Recorded on a *rainy* day.") == "Recorded on a *rainy* day."
     for text in ("<script>x</script>", "a <b>c</b>", "```\nx\n```\n<!-- x -->"):
         assert not set(rendered(authors_text(text)).found) - {"pre", "code"}
@@ -140,53 +140,70 @@ def test_own_words() -> None:
 HOSTILE = "<script>x</script> | `` [a](javascript:b) ![c](d) <!-- **e** \n---\n# f"
 
 
-def shared_card(folder: Path, word: str) -> str:
+def shared_card(folder: Path, content: str) -> str:
     """The card of a drive and an attack in which every text that others choose is this one."""
-    name = word.replace("/", "").replace("\n", "")
+    name = content.replace("/", "").replace("\n", "")
     ego = VehicleTopics("ego")
     scenario = {
-        "description": word,
-        "map": {"sumo_net": word, "origin": {"latitude_deg": 1.0, "longitude_deg": 2.0, "altitude_m": 3.0}},
-        "sensors": {"lidars": {word: {"preset": word, "vehicle": word, "points_per_second": 5}}},
+        "description": content,
+        "map": {
+            "sumo_net": content,
+            "origin": {"latitude_deg": 1.0, "longitude_deg": 2.0, "altitude_m": 3.0},
+        },
+        "sensors": {"lidars": {content: {"preset": content, "vehicle": content, "points_per_second": 5}}},
     }
     about = {
         "kind": "clean",
         "scenario": yaml.safe_dump(scenario),
-        "scenario_name": word,
+        "scenario_name": content,
         "seed": "7",
-        "map_sha256": word,
-        "versions": json.dumps({word: word, "advpipe": word}),
+        "map_sha256": content,
+        "versions": json.dumps({content: content, "advpipe": content}),
     }
     clean = folder / "set" / "clean"
     for bag, record in ((clean, about), (folder / "set" / "attack", None)):
-        attack = {"type": word, "parameters": {word: word}, "victim": word, "lidar": word, "detector": word}
-        told = {"kind": "attack", "attack": word, "recipe": word, "frames": word, "budget": word}
-        told |= {
-            "attacks": json.dumps([attack, attack | {"attackers": {word: word}, "schedule": {word: word}}])
+        attack = {
+            "type": content,
+            "parameters": {content: content},
+            "victim": content,
+            "lidar": content,
+            "detector": content,
         }
-        told |= {"parameters": json.dumps({word: word})}
-        told |= {} if record else {"parent_sha256": parent_sha256(clean)}
-        with BagWriter(bag, provenance=record or told) as writer:
-            cloud = cloud_to_cdr(np.zeros(3, POINT_DTYPE), 5, word)
+        attack_record = {
+            "kind": "attack",
+            "attack": content,
+            "recipe": content,
+            "frames": content,
+            "budget": content,
+        }
+        attack_record |= {
+            "attacks": json.dumps(
+                [attack, attack | {"attackers": {content: content}, "schedule": {content: content}}]
+            )
+        }
+        attack_record |= {"parameters": json.dumps({content: content})}
+        attack_record |= {} if record else {"parent_sha256": parent_sha256(clean)}
+        with BagWriter(bag, provenance=record or attack_record) as writer:
+            cloud = cloud_to_cdr(np.zeros(3, POINT_DTYPE), 5, content)
             writer.write_cdr(Topic(f"/{name}/points", ego.lidar_points.type), cloud, 5)
             writer.write(
-                Topic(f"/{name}", ego.gnss_fix.type), build.nav_sat_fix(5, 1, 2, 3, frame_id=word), 5
+                Topic(f"/{name}", ego.gnss_fix.type), build.nav_sat_fix(5, 1, 2, 3, frame_id=content), 5
             )
-    share(folder / "set", folder / "out", ShareOptions(citation=f"```\n{word}"))
+    share(folder / "set", folder / "out", ShareOptions(citation=f"```\n{content}"))
     return (folder / "out" / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_card_of_nothing_but_hostile_texts(tmp_path: Path) -> None:
+def test_a_card_of_hostile_texts_is_harmless(tmp_path: Path) -> None:
     found = {}
-    for number, word in enumerate(("plain", HOSTILE)):
+    for number, content in enumerate(("plain", HOSTILE)):
         (tmp_path / str(number)).mkdir()
-        card = shared_card(tmp_path / str(number), word)
+        card = shared_card(tmp_path / str(number), content)
         front, _, body = card.removeprefix("---\n").partition("\n---\n")
         assert yaml.safe_load(front)["pretty_name"] == "out"
         shown = rendered(body)
         assert shown.comments == [" made by advpipe share "]
-        assert word.split()[0] in shown.text
-        found[word] = Counter(
+        assert content.split()[0] in shown.text
+        found[content] = Counter(
             element.split(" href=")[0].split(" src=")[0] for element in shown.found.elements()
         )
     assert found["plain"] == found[HOSTILE]

@@ -45,7 +45,7 @@ def test_a_sweep_of_another_drive_is_refused(dataset: Path, tmp_path: Path) -> N
         share(dataset, tmp_path / "out")
 
 
-def test_the_table_has_a_line_for_each_cell_that_was_run(tmp_path: Path) -> None:
+def test_the_table_has_a_line_for_each_cell_of_the_sweep(tmp_path: Path) -> None:
     """As many from the committed report, whose keys are older, as from the same cells written today."""
     today = write_sweep_report(tmp_path / "town06-budgets", "0" * 64)
     (before,), (after,) = effect_tables([COMMITTED]), effect_tables([today])

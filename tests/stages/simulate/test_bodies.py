@@ -12,14 +12,14 @@ from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.stages.simulate.bodies import BODIES, VARIANTS, draw_variants
 
 
-def test_bodies_that_drive_are_those_of_the_scenario() -> None:
+def test_the_scenario_lists_exactly_the_bodies_that_drive() -> None:
     assert [name for name, body in BODIES.items() if body.label != "pedestrian"] == list(DRIVEN)
     assert set(Traffic().mix) == set(DRIVEN)
     assert sum(Traffic().mix.values()) == pytest.approx(1.0)
     assert len(DRIVEN) >= 13
 
 
-def test_the_scenario_knows_every_body_by_name() -> None:
+def test_scenario_body_names_match_the_bodies() -> None:
     assert {*DRIVEN, *PEOPLE} == set(BODIES)
     assert {body.label for body in BODIES.values()} == set(CLASSES)
 
@@ -33,7 +33,7 @@ def test_variants_differ_a_little_and_follow_the_seed() -> None:
         assert variant.length_m == pytest.approx(variant.body.length_m, rel=0.075)
 
 
-def test_bodies_say_what_they_are_as_stations() -> None:
+def test_bodies_have_the_right_station_types() -> None:
     silent = {name for name, body in BODIES.items() if body.station_type is None}
     assert silent == {"bicycle", *PEOPLE}
     assert all(BODIES[name].station_type == StationType.PASSENGER_CAR for name in ("sedan", "pickup"))

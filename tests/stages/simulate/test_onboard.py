@@ -60,5 +60,5 @@ def test_errors_fit_the_covariance(squares: dict[str, np.ndarray]) -> None:
     assert 2.7 < fix < 3.3
 
 
-def test_no_filter_gets_lost(squares: dict[str, np.ndarray]) -> None:
+def test_no_filter_diverges(squares: dict[str, np.ndarray]) -> None:
     assert max(values[-50:, 0].mean() for values in squares.values()) < 16.3  # chi-square, 3 degrees, 99.9 %

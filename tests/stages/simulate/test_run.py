@@ -89,12 +89,12 @@ def test_recorded_point_counts_are_those_of_the_cloud(dense: Path, frames: list[
         assert np.abs(np.array([user.lidar_points for user in message.road_users]) - counts).max() <= 2
 
 
-def test_every_kind_of_road_user_is_there(frames: list[Frame]) -> None:
+def test_every_class_of_road_user_occurs(frames: list[Frame]) -> None:
     seen = {CLASSES[label] for frame in frames for label in frame.boxes.labels}
     assert {"car", "truck", "pedestrian"} <= seen
 
 
-def test_road_users_move_as_far_as_their_velocity_says(dense: Path) -> None:
+def test_displacements_of_road_users_match_their_velocities(dense: Path) -> None:
     """In the map's frame; a vehicle that turns moves its middle a little more or less than its bumper."""
     messages = BagReader(dense).messages("/ego/ground_truth/road_users")
     recorded = [message.road_users for _, message in messages]
@@ -111,7 +111,7 @@ def test_road_users_move_as_far_as_their_velocity_says(dense: Path) -> None:
     assert max(errors_m) < 1.0
 
 
-def test_the_fix_lies_near_the_true_place(dense: Path) -> None:
+def test_gnss_fixes_are_near_the_true_position(dense: Path) -> None:
     reader, geodesy = BagReader(dense), Geodesy(48.1351, 11.5820, 520.0)
     fixes = [message for _, message in reader.messages("/ego/gnss/fix")]
     truth = [message for _, message in reader.messages("/ego/ground_truth/odometry")]
@@ -135,7 +135,7 @@ def test_same_seed_same_bytes_in_other_processes_and_hash_seeds(tmp_path: Path) 
     assert hashlib.sha256((other / "clean" / "clean_0.mcap").read_bytes()).hexdigest() not in digests
 
 
-def test_an_existing_output_stays(tmp_path: Path) -> None:
+def test_an_existing_output_is_not_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "mine"
     out.mkdir()
     (out / "precious.txt").write_text("keep")
@@ -147,9 +147,7 @@ def test_an_existing_output_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_is_stopped_leaves_nothing_under_the_final_name(
-    tmp_path: Path, how: signal.Signals
-) -> None:
+def test_an_interrupted_run_leaves_no_output(tmp_path: Path, how: signal.Signals) -> None:
     out = tmp_path / "stopped"
     process = run_smoke(out, "0", "--set", "simulation.duration_s=600")
     deadline = time.monotonic() + 60

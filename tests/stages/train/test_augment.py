@@ -61,7 +61,7 @@ def test_no_augmentation_changes_nothing(store):
     np.testing.assert_allclose(same.boxes, frame.boxes, rtol=1e-12)
 
 
-def test_dropped_points_count_no_longer(store):
+def test_counts_follow_dropped_points(store):
     frame = store.frame(0)
     dropped = augment(frame, replace(Augmentation.none(), drop=0.9), VOXEL, np.random.default_rng(1))
     share = len(dropped.points) / len(frame.points)

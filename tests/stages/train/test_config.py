@@ -24,7 +24,7 @@ from advpipe.stages.train.config import TrainConfig
         ({"warmup": 1.0}, "warmup is 1.0"),
     ],
 )
-def test_values_that_make_no_sense(changes, message):
+def test_invalid_values_are_one_line_errors(changes, message):
     settings = {"bags": (Path("a"),), "out": Path("b"), **changes}
     with pytest.raises(AdvpipeError, match=message):
         TrainConfig(**settings)

@@ -15,7 +15,7 @@ def config_on(device, drive, out):
     return TrainConfig(bags=(drive,), out=out, preset="tiny", steps=2, workers=1, device=device)
 
 
-def test_an_unknown_device_leaves_nothing(drive, tiny, tmp_path):
+def test_an_unknown_device_creates_no_folder(drive, tiny, tmp_path):
     with pytest.raises(AdvpipeError, match="unknown device 'gpu'"):
         run.train(config_on("gpu", drive, tmp_path / "run"))
     assert not (tmp_path / "run").exists()

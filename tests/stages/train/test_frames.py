@@ -29,7 +29,7 @@ def test_objects_are_the_points_in_their_boxes(drive, tmp_path):
         assert len(points) == store.counts[i] == count_points(points, box)[0] > 300
 
 
-def test_far_and_broken_points_are_left_out(tmp_path, drive):
+def test_far_and_invalid_points_are_dropped(tmp_path, drive):
     frame = next(iter(read_frames(drive)))
     cloud = frame.cloud.copy()
     cloud["x"][0], cloud["y"][1] = 1000.0, np.nan

@@ -12,7 +12,7 @@ from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision
 
 
-def test_rows_from_the_first_step_on_are_written_anew(tmp_path):
+def test_rows_from_the_first_step_on_are_replaced(tmp_path):
     path = tmp_path / "validation.csv"
     log = Log(path, VALIDATIONS, 0)
     for step in (1, 2, 3):

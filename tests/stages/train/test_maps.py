@@ -26,7 +26,7 @@ def config(record, tiny, tmp_path):
     return TrainConfig(bags=bags, out=tmp_path / "run", steps=1, preset="tiny", workers=1)
 
 
-def test_a_trained_detector_knows_its_maps(config, record, tmp_path):
+def test_a_checkpoint_records_its_training_maps(config, record, tmp_path):
     first = run.train(config)
     trained = load_detector(str(first.checkpoint))
     assert trained.training_maps_sha256 == [A, B]
@@ -41,12 +41,12 @@ def test_a_trained_detector_knows_its_maps(config, record, tmp_path):
     assert load_detector(str(run.train(onward).checkpoint)).training_maps_sha256 == [A, B, C]
 
 
-def test_a_bag_without_a_map_leaves_the_list_open(config, record, tmp_path):
+def test_a_bag_without_a_map_adds_null(config, record, tmp_path):
     bare = record(tmp_path / "bare", 1, 3)
     assert json.loads(training_maps([*config.bags, bare], None)) == [A, B, None]
 
 
-def test_the_maps_of_the_start_count_and_what_it_does_not_tell_stays_open(config, tmp_path):
+def test_maps_of_the_start_checkpoint_are_included_or_null(config, tmp_path):
     known = json.loads(training_maps(config.bags, SHIPPED["small"]))
     assert {A, B} < set(known)
     assert len(known) == 36

@@ -29,7 +29,7 @@ def configured(drive: Path, out: Path, **changes: object) -> TrainConfig:
     return TrainConfig(bags=(drive,), out=out, **settings)
 
 
-def test_it_learns_two_frames(record, tiny, tmp_path):
+def test_training_overfits_two_frames(record, tiny, tmp_path):
     drive = record(tmp_path / "bag", frames=2, seed=1)
     none = Augmentation.none()
     config = configured(
@@ -81,7 +81,7 @@ def test_two_processes_and_an_interruption_change_no_byte(drive, tiny, tmp_path,
     assert not multiprocessing.active_children()
 
 
-def test_a_killed_run_goes_on_from_its_last_state(drive, tiny, tmp_path, monkeypatch):
+def test_a_killed_run_resumes_from_its_last_state(drive, tiny, tmp_path, monkeypatch):
     whole = run.train(configured(drive, tmp_path / "whole", checkpoint_every=2))
     step = run.train_step
 
@@ -101,7 +101,9 @@ def test_a_killed_run_goes_on_from_its_last_state(drive, tiny, tmp_path, monkeyp
     assert resumed.checkpoint.read_bytes() == whole.checkpoint.read_bytes()
 
 
-def test_a_run_killed_in_its_last_validation_or_after_it_leaves_no_trace(drive, tiny, tmp_path, monkeypatch):
+def test_a_run_killed_in_its_last_validation_or_later_gives_the_same_files(
+    drive, tiny, tmp_path, monkeypatch
+):
     config = configured(drive, tmp_path / "run", steps=2, validation=drive)
 
     def die(*_):
@@ -136,7 +138,7 @@ def test_a_run_may_start_from_a_checkpoint(drive, tiny, tmp_path):
         run.train(configured(drive, tmp_path / "third", start=tmp_path / "none.safetensors"))
 
 
-def test_nothing_is_overwritten_unasked(drive, tiny, tmp_path, monkeypatch):
+def test_a_finished_run_is_not_overwritten_without_the_option(drive, tiny, tmp_path, monkeypatch):
     config = configured(drive, tmp_path / "run", steps=1)
     first = run.train(config).checkpoint.read_bytes()
 
@@ -150,14 +152,14 @@ def test_nothing_is_overwritten_unasked(drive, tiny, tmp_path, monkeypatch):
     assert run.train(config, overwrite=True).checkpoint.read_bytes() == first
 
 
-def test_folders_that_hold_something_else(drive, tiny, tmp_path):
+def test_folders_with_other_contents_are_refused(drive, tiny, tmp_path):
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.jpg").touch()
-    with pytest.raises(AdvpipeError, match="holds no training run"):
+    with pytest.raises(AdvpipeError, match="is not a training run"):
         run.train(configured(drive, tmp_path / "photos"), overwrite=True)
     (tmp_path / "model" / "frames").mkdir(parents=True)
     (tmp_path / "model" / "config.json").write_text('{"architectures": ["another"]}')
-    with pytest.raises(AdvpipeError, match="holds no training run"):
+    with pytest.raises(AdvpipeError, match="is not a training run"):
         run.train(configured(drive, tmp_path / "model"), overwrite=True)
     with pytest.raises(AdvpipeError, match="is a file"):
         run.train(configured(drive, tmp_path / "photos" / "a.jpg"))
@@ -179,14 +181,14 @@ def unfinished(config: TrainConfig, monkeypatch) -> None:
             run.train(config)
 
 
-def test_an_unfinished_run_goes_on_only_with_its_own_configuration(drive, tiny, tmp_path, monkeypatch):
+def test_an_unfinished_run_resumes_only_with_its_configuration(drive, tiny, tmp_path, monkeypatch):
     unfinished(configured(drive, tmp_path / "run"), monkeypatch)
     with pytest.raises(AdvpipeError, match="another configuration"):
         run.train(configured(drive, tmp_path / "run", seed=3))
     run.train(configured(drive, tmp_path / "run", seed=3, steps=1), overwrite=True)
 
 
-def test_an_unfinished_run_does_not_go_on_with_another_bag_of_the_same_name(
+def test_an_unfinished_run_does_not_resume_with_another_bag_of_the_same_name(
     record, tiny, tmp_path, monkeypatch
 ):
     drive = record(tmp_path / "bag", frames=2, seed=1)
@@ -197,7 +199,7 @@ def test_an_unfinished_run_does_not_go_on_with_another_bag_of_the_same_name(
         run.train(configured(drive, tmp_path / "run"))
 
 
-def test_an_unfinished_run_does_not_go_on_from_another_start(drive, tiny, tmp_path, monkeypatch):
+def test_an_unfinished_run_does_not_resume_with_another_start_checkpoint(drive, tiny, tmp_path, monkeypatch):
     first, second = (
         run.train(configured(drive, tmp_path / str(seed), steps=1, seed=seed)).checkpoint for seed in (0, 1)
     )
@@ -207,11 +209,11 @@ def test_an_unfinished_run_does_not_go_on_from_another_start(drive, tiny, tmp_pa
         run.train(configured(drive, tmp_path / "run", start=first))
 
 
-def test_a_damaged_state_is_named(drive, tiny, tmp_path, monkeypatch):
+def test_a_damaged_state_is_a_one_line_error(drive, tiny, tmp_path, monkeypatch):
     config = configured(drive, tmp_path / "run")
     unfinished(config, monkeypatch)
     (config.out / "state.pt").write_bytes(b"no state")
-    with pytest.raises(AdvpipeError, match="cannot go on from"):
+    with pytest.raises(AdvpipeError, match="cannot resume from"):
         run.train(config)
 
 
@@ -236,7 +238,7 @@ def test_a_loss_that_is_not_finite_stops_the_run(drive, tiny, tmp_path, monkeypa
         run.train(configured(drive, tmp_path / "run"))
 
 
-def test_bags_without_ground_truth_or_clouds(tiny, tmp_path):
+def test_bags_without_ground_truth_or_clouds_are_refused(tiny, tmp_path):
     ego = VehicleTopics("ego")
     with BagWriter(tmp_path / "bare", provenance={}) as bag:
         bag.write_cdr(ego.lidar_points, cloud_to_cdr(np.zeros(3, POINT_DTYPE), 0, ego.lidar_frame), 0)
@@ -262,13 +264,13 @@ def test_a_failing_process_is_reported_in_one_line(drive, tiny, tmp_path, monkey
         run.train(configured(drive, tmp_path / "run", workers=2))
 
 
-def test_learning_rate_warms_up_and_fades():
+def test_learning_rate_warms_up_and_decays():
     config = TrainConfig(bags=(Path("a"),), out=Path("b"), learning_rate=1.0, warmup=0.1)
     rates = [run.learning_rate(step, 100, config) for step in (0, 5, 10, 55, 99)]
     assert rates == pytest.approx([0.1, 0.55, 1.0, 0.5005, 0.0013], abs=1e-3)
 
 
-def test_two_runs_at_one_folder(drive, tiny, tmp_path, monkeypatch):
+def test_a_second_run_in_the_same_folder_is_refused(drive, tiny, tmp_path, monkeypatch):
     """The second one is refused at once, and the first one finishes as if it had been alone."""
     alone = run.train(configured(drive, tmp_path / "alone", steps=1)).checkpoint.read_bytes()
     config, step = configured(drive, tmp_path / "run", steps=1), run.train_step
@@ -286,7 +288,7 @@ def test_two_runs_at_one_folder(drive, tiny, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("rate", [1e30, 1e6])
-def test_a_run_that_diverges_at_once_leaves_nothing(drive, tiny, tmp_path, rate):
+def test_a_run_that_diverges_in_its_first_step_leaves_nothing(drive, tiny, tmp_path, rate):
     for steps in (1, 4):
         with pytest.raises(AdvpipeError, match=r"not finite at step [1-4], .*lower --learning-rate"):
             run.train(configured(drive, tmp_path / "new" / "run", learning_rate=rate, steps=steps))
@@ -307,7 +309,7 @@ def test_a_failure_before_the_first_state_leaves_nothing(drive, tiny, tmp_path, 
         assert not list((tmp_path / "run").iterdir())
 
 
-def test_a_run_killed_before_its_first_state_is_no_obstacle(drive, tiny, tmp_path):
+def test_a_run_killed_before_its_first_state_can_be_started_again(drive, tiny, tmp_path):
     """As it lies there after a kill: with another configuration, nothing is lost."""
     out = tmp_path / "run"
     (out / ".frames.partial-abcdefgh").mkdir(parents=True)

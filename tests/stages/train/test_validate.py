@@ -30,7 +30,7 @@ class Oracle:
         raise NotImplementedError
 
 
-def test_known_answers(drive):
+def test_average_precision_of_known_detections(drive):
     frames = list(read_frames(drive))
     precision = validate(Oracle(frames), frames, min_points=5)
     assert set(precision) == {"car", "pedestrian"}

@@ -37,7 +37,7 @@ def declaring(**declared: object) -> Callable[[Attacks], None]:
     return change
 
 
-def test_a_field_that_is_not_declared_untrue(data_set: Path) -> None:
+def test_a_changed_field_not_declared_untrue_is_a_fault(data_set: Path) -> None:
     bag = data_set / "cam"
     rows = pq.read_table(bag / CAMS).to_pylist()
     assert len(faults(bag, CamsCheck, declaring(untrue=["speed", "heading"]))) == len(rows)
@@ -49,7 +49,7 @@ def test_a_field_that_is_not_declared_untrue(data_set: Path) -> None:
     )
 
 
-def test_a_message_that_is_changed_in_more(data_set: Path, rewrite: Rewrite) -> None:
+def test_a_change_beyond_the_declaration_is_a_fault(data_set: Path, rewrite: Rewrite) -> None:
     """Bag and labels agree with each other: only the declaration tells."""
     bag = data_set / "cam"
     table = pq.read_table(bag / CAMS)
@@ -63,8 +63,8 @@ def test_a_message_that_is_changed_in_more(data_set: Path, rewrite: Rewrite) -> 
                 yield raw
                 continue
             payload = encode_cam_tree(with_fields(decode_cam_tree(bytes(message.payload)), speed_mps=99.0))
-            lie = replace(message, payload=np.frombuffer(payload, np.uint8))
-            yield replace(raw, cdr=serialise(lie, V2X_SENT.type))
+            false_message = replace(message, payload=np.frombuffer(payload, np.uint8))
+            yield replace(raw, cdr=serialise(false_message, V2X_SENT.type))
 
     rewrite(bag, faster)
     for name, value in (("false_speed_mps", 99.0), ("fields", "latitude_deg,longitude_deg,speed_mps")):
@@ -77,7 +77,7 @@ def test_a_message_that_is_changed_in_more(data_set: Path, rewrite: Rewrite) -> 
     ]
 
 
-def test_parts_of_a_mix_declare_their_own(data_set: Path) -> None:
+def test_parts_of_a_mix_are_checked_by_their_declarations(data_set: Path) -> None:
     """The mix itself declares what any part makes untrue, which is no licence for the others."""
     bag = data_set / "mix"
     options = {
@@ -108,7 +108,7 @@ def test_parts_of_a_mix_declare_their_own(data_set: Path) -> None:
         ({"type": "cam-mix", "parameters": {"attacks": "all"}}, 8),
     ],
 )
-def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], claims: int) -> None:
+def test_declarations_depend_on_parameters(data_set: Path, options: dict[str, object], claims: int) -> None:
     """The generation time is untrue only where a parameter asks for it."""
     bag = data_set / "other"
     spec = attack_spec({**options, "attackers": {"share": 1.0}})
@@ -119,7 +119,7 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
 
 
 @pytest.mark.parametrize(
-    ("bag", "check", "bounds", "words"),
+    ("bag", "check", "bounds", "expected"),
     [
         (
             "gnss",
@@ -143,14 +143,14 @@ def test_what_hangs_on_parameters(data_set: Path, options: dict[str, object], cl
         ),
     ],
 )
-def test_bounds_that_were_not_kept(
-    data_set: Path, bag: str, check: type[BagCheck], bounds: dict[str, list[float]], words: str
+def test_exceeded_bounds_are_faults(
+    data_set: Path, bag: str, check: type[BagCheck], bounds: dict[str, list[float]], expected: str
 ) -> None:
     """Whichever of two attacks of one name it was, one of them may have done it."""
     assert faults(data_set / bag, check) == []
-    assert words in " ".join(faults(data_set / bag, check, declaring(bounds=bounds)))
+    assert expected in " ".join(faults(data_set / bag, check, declaring(bounds=bounds)))
     known = {**bounds, "smell": [0, 1]}
-    assert words in " ".join(faults(data_set / bag, check, declaring(bounds=known)))
+    assert expected in " ".join(faults(data_set / bag, check, declaring(bounds=known)))
     twice = json.loads(BagReader(data_set / bag).provenance["attacks"])
 
     def one_of_two(attacks: Attacks) -> None:
@@ -161,20 +161,20 @@ def test_bounds_that_were_not_kept(
 
 
 @pytest.mark.parametrize(("bag", "check"), [("gnss", Fixes), ("cam", CamsCheck)])
-def test_bounds_that_nobody_measures(data_set: Path, bag: str, check: type[BagCheck]) -> None:
-    said = unchecked(data_set / bag, check, declaring(bounds={"smell": [0, 1]}))
-    assert f"smell of {'gnss-bias' if bag == 'gnss' else 'cam-position-offset'} not checked" in said
+def test_bounds_on_unknown_quantities_are_unchecked(data_set: Path, bag: str, check: type[BagCheck]) -> None:
+    unchecked_text = unchecked(data_set / bag, check, declaring(bounds={"smell": [0, 1]}))
+    assert f"smell of {'gnss-bias' if bag == 'gnss' else 'cam-position-offset'} not checked" in unchecked_text
 
 
-def test_fixes_of_an_older_version(data_set: Path) -> None:
+def test_fixes_of_an_older_version_are_unchecked(data_set: Path) -> None:
     def undeclared(attacks: Attacks) -> None:
         del attacks[0]["declared"]
 
-    said = unchecked(data_set / "gnss", Fixes, undeclared)
-    assert "bounds of gnss-bias not checked: the bag comes from a version" in said
+    unchecked_text = unchecked(data_set / "gnss", Fixes, undeclared)
+    assert "bounds of gnss-bias not checked: the bag comes from a version" in unchecked_text
 
 
-def test_a_victim_without_fixes(data_set: Path) -> None:
+def test_a_victim_without_fixes_is_unchecked(data_set: Path) -> None:
     """Of another vehicle, the bag holds CAMs alone, which tell places in steps."""
     drive = V2xDrive(BagReader(data_set / "clean"))
     victim = next(name for name in drive.stations.values() if name != "ego")
@@ -184,7 +184,7 @@ def test_a_victim_without_fixes(data_set: Path) -> None:
     assert f"bounds of gnss-bias not checked: no fixes of {victim}" in unchecked(bag, Fixes, lambda _: None)
 
 
-def test_a_fix_that_lies_farther_off(data_set: Path, rewrite: Rewrite) -> None:
+def test_a_fix_beyond_its_bounds_is_a_fault(data_set: Path, rewrite: Rewrite) -> None:
     """Bag and labels agree with each other, and the fix is 90 m higher than it may be."""
     bag, topic = data_set / "gnss", VehicleTopics("ego").gnss_fix
     table = pq.read_table(bag / FIXES)

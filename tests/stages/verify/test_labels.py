@@ -39,10 +39,10 @@ def faults(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None] |
     return [found.what for found in check(subject).check() if isinstance(found, Fault)]
 
 
-def other(value: Any, kind: pa.DataType) -> Any:
-    if pa.types.is_boolean(kind):
+def other(value: Any, data_type: pa.DataType) -> Any:
+    if pa.types.is_boolean(data_type):
         return not value
-    if pa.types.is_string(kind):
+    if pa.types.is_string(data_type):
         return f"{value or ''}x"
     return 1 if value is None else value + 1
 
@@ -71,7 +71,9 @@ def with_other_values(path: Path, check: type[BagCheck]) -> dict[str, list[str]]
         ("gnss", FIXES, Fixes),
     ],
 )
-def test_each_column(data_set: Path, bag: str, table: str, check: type[BagCheck]) -> None:
+def test_a_change_in_any_label_column_is_found(
+    data_set: Path, bag: str, table: str, check: type[BagCheck]
+) -> None:
     """One wrong value is one finding; a wrong number is about two messages."""
     assert faults(data_set / bag, check) == []
     found = with_other_values(data_set / bag / table, check)
@@ -80,7 +82,7 @@ def test_each_column(data_set: Path, bag: str, table: str, check: type[BagCheck]
     assert faults(data_set / bag, check) == []
 
 
-def test_several_attacks_on_one_message(data_set: Path) -> None:
+def test_labels_of_several_attacks_on_one_message_are_checked(data_set: Path) -> None:
     """Each attacker is late, and heads the other way or is longer: labels are followed in that order."""
     specs = (
         {
@@ -119,7 +121,7 @@ def by_others(attacks: Attacks) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bag", "check", "change", "words"),
+    ("bag", "check", "change", "expected"),
     [
         ("cam", CamsCheck, later, "when cam-position-offset was not active"),
         ("delay", CamsCheck, later, "when cam-delay was not active"),
@@ -127,11 +129,11 @@ def by_others(attacks: Attacks) -> None:
         ("gnss", Fixes, later, "is attacked by nothing, but its label says gnss-bias"),
     ],
 )
-def test_labels_of_another_attack(
-    data_set: Path, bag: str, check: type[BagCheck], change: Callable[[Attacks], None], words: str
+def test_labels_that_contradict_the_declared_attacks_are_faults(
+    data_set: Path, bag: str, check: type[BagCheck], change: Callable[[Attacks], None], expected: str
 ) -> None:
     """The bag names attackers, or a time, that labels do not keep to."""
-    assert words in " ".join(faults(data_set / bag, check, change))
+    assert expected in " ".join(faults(data_set / bag, check, change))
 
 
 def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
@@ -142,7 +144,7 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
 
 
 @pytest.mark.parametrize(
-    ("bag", "bounds", "words"),
+    ("bag", "bounds", "expected"),
     [
         ("perturb", {"max_displacement_m": [0, 1e-4]}, "m, but the attack declares 0 to 0.0001 m"),
         ("attach", {"points_added": [1, 1]}, "points added: "),
@@ -154,11 +156,11 @@ def bounded_by(**bounds: list[float]) -> Callable[[Attacks], None]:
         ("detach", {"share_removed": [0, 1e-4]}, "smallest share of the points"),
     ],
 )
-def test_bounds_that_were_not_kept(
-    data_set: Path, bag: str, bounds: dict[str, list[float]], words: str
+def test_exceeded_bounds_are_faults(
+    data_set: Path, bag: str, bounds: dict[str, list[float]], expected: str
 ) -> None:
     assert faults(data_set / bag, Points) == []
-    assert words in " ".join(faults(data_set / bag, Points, bounded_by(**bounds)))
+    assert expected in " ".join(faults(data_set / bag, Points, bounded_by(**bounds)))
     twice = json.loads(BagReader(data_set / bag).provenance["attacks"])
 
     def one_of_two(attacks: Attacks) -> None:
@@ -180,7 +182,7 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
 
 
 @pytest.mark.parametrize(
-    ("bag", "check", "words"),
+    ("bag", "check", "expected"),
     [
         ("detach", Points, "bounds of detach not checked: the bag comes from a version"),
         (
@@ -190,27 +192,27 @@ def unchecked(bag: Path, check: type[BagCheck], change: Callable[[Attacks], None
         ),
     ],
 )
-def test_what_older_versions_did_not_declare(
-    data_set: Path, bag: str, check: type[BagCheck], words: str
+def test_missing_declarations_of_older_versions_are_unchecked(
+    data_set: Path, bag: str, check: type[BagCheck], expected: str
 ) -> None:
     def undeclared(attacks: Attacks) -> None:
         del attacks[0]["declared"]
 
-    assert words in unchecked(data_set / bag, check, undeclared)
+    assert expected in unchecked(data_set / bag, check, undeclared)
 
 
-def test_bounds_that_nobody_measures(data_set: Path) -> None:
+def test_bounds_on_unknown_quantities_are_unchecked(data_set: Path) -> None:
     """Of a later version, or made up."""
-    said = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
-    assert "points_painted of detach not checked: unknown quantity in this version" in said
+    unchecked_text = unchecked(data_set / "detach", Points, bounded_by(points_painted=[0, 3]))
+    assert "points_painted of detach not checked: unknown quantity in this version" in unchecked_text
     assert "detach declares no bounds" in unchecked(data_set / "detach", Points, bounded_by())
 
 
-def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
+def test_labels_of_older_versions_are_accepted(data_set: Path) -> None:
     path = data_set / "cam" / CAMS
     table = pq.read_table(path).drop_columns(["part"])
-    words = pa.array([text.split(",") for text in table["fields"].to_pylist()])
-    pq.write_table(table.set_column(table.column_names.index("fields"), "fields", words), path)
+    expected = pa.array([text.split(",") for text in table["fields"].to_pylist()])
+    pq.write_table(table.set_column(table.column_names.index("fields"), "fields", expected), path)
     assert faults(path.parent, CamsCheck) == []
     unchecked = " ".join(gap.what for gap in verify(path.parent).unchecked)
     assert "part and fields: not in the form of this version" in unchecked
@@ -226,7 +228,9 @@ def test_labels_as_older_versions_wrote_them(data_set: Path) -> None:
         ("gnss", FIXES, ("stamp_ns",), "fixes"),
     ],
 )
-def test_another_number(data_set: Path, bag: str, table: str, columns: tuple[str, ...], check: str) -> None:
+def test_a_label_with_another_message_number_is_a_fault(
+    data_set: Path, bag: str, table: str, columns: tuple[str, ...], check: str
+) -> None:
     """One more in the last row that has a number there."""
     path = data_set / bag / table
     original = pq.read_table(path)
@@ -250,15 +254,15 @@ def test_another_number(data_set: Path, bag: str, table: str, columns: tuple[str
         *(("cam", CAMS, "cams"), ("delay", CAMS, "cams"), ("dos", CAMS, "cams")),
     ],
 )
-def test_a_row_that_is_missing(data_set: Path, bag: str, table: str, check: str) -> None:
+def test_a_missing_label_row_is_a_fault(data_set: Path, bag: str, table: str, check: str) -> None:
     path = data_set / bag / table
     rows = pq.read_table(path)
     pq.write_table(rows.slice(0, len(rows) - 1), path)
     assert {finding.check for finding in verify(data_set / bag).findings} == {"beside", check}
 
 
-def test_another_action(data_set: Path) -> None:
-    """What was removed is said to have moved."""
+def test_a_label_with_another_action_is_a_fault(data_set: Path) -> None:
+    """A removed point is labelled as moved."""
     path = data_set / "detach" / POINTS
     rows = pq.read_table(path)
     index = rows.column_names.index("action")

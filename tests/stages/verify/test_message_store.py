@@ -33,7 +33,7 @@ def sent(number: int, station_id: int, request_ns: int, payload: bytes) -> Sent:
     return Sent(number, 0, station_id, request_ns, payload, 23.0)
 
 
-def test_stories() -> None:
+def test_messages_are_joined_with_their_labels() -> None:
     """By number, whatever the order; labels by their places, and then as they came."""
     with closing(MessageStore()) as store:
         assert store.add("clean", sent(2, 7, 20, b"b"))
@@ -53,7 +53,7 @@ def test_stories() -> None:
         assert store.last_of(8, 99) is None
 
 
-def test_how_many_were_added_within_a_second() -> None:
+def test_messages_added_within_a_second_are_counted() -> None:
     """The second that ends with a message; each station and each attack by itself."""
     second = 1_000_000_000
     with closing(MessageStore()) as store:

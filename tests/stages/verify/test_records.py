@@ -37,7 +37,9 @@ def with_record(bag: Path, change: Callable[[dict[str, str]], None]) -> None:
         ("scenario", lambda _: "a: !!bool x\n"),
     ],
 )
-def test_records_of_absurd_values(data_set: Path, check: str, change: Callable[[str], str]) -> None:
+def test_provenance_records_with_implausible_values_are_faults(
+    data_set: Path, check: str, change: Callable[[str], str]
+) -> None:
     def both(record: dict[str, str]) -> None:
         text = record["scenario"].replace("motion_distortion: false", "motion_distortion: true")
         record["scenario"] = change(text)
@@ -49,7 +51,7 @@ def test_records_of_absurd_values(data_set: Path, check: str, change: Callable[[
 
 
 @pytest.mark.parametrize("attacks", ["5", "[5]", "[{", "[" * 100_000, '[{"type": 5}]'])
-def test_attacks_of_another_shape(data_set: Path, attacks: str) -> None:
+def test_attacks_with_another_structure_are_faults(data_set: Path, attacks: str) -> None:
     for name in set(ATTACKS) - {"detach"}:
         shutil.rmtree(data_set / name)
     with_record(data_set / "detach", lambda record: record.update(attacks=attacks))

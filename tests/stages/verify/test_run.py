@@ -100,7 +100,7 @@ def all_but(*topics: str) -> Callable[[Messages], Iterator[RawMessage]]:
     return lambda stream: (raw for raw in stream if raw.topic.name not in topics)
 
 
-def test_what_was_made_is_good(data_set: Path) -> None:
+def test_generated_data_sets_have_no_findings(data_set: Path) -> None:
     """Every attack on every sensor, in full."""
     result = verify(data_set)
     assert result.findings == []
@@ -129,7 +129,7 @@ def test_what_was_made_is_good(data_set: Path) -> None:
         ("receptions", all_but("/v2x/sent")),
     ],
 )
-def test_a_clean_bag_that_is_wrong(data_set: Path, rewrite: Rewrite, check: str, edit: object) -> None:
+def test_faults_in_a_clean_bag_are_found(data_set: Path, rewrite: Rewrite, check: str, edit: object) -> None:
     """Each bag is whole in itself. (The rate of a topic is off by one message in 20, or in 200.)"""
     rewrite(data_set / "clean", edit)  # type: ignore[arg-type]
     found = checks_of(data_set / "clean")
@@ -172,7 +172,7 @@ def north(message: object) -> None:
         ("detach", "copies", changed(EGO.true_receptions.name, decoded(another_sender))),
     ],
 )
-def test_an_attack_that_did_something_else(
+def test_attacks_beyond_their_provenance_are_found(
     data_set: Path, rewrite: Rewrite, bag: str, check: str, edit: object
 ) -> None:
     for other in data_set.iterdir():
@@ -185,7 +185,7 @@ def test_an_attack_that_did_something_else(
 
 
 @pytest.mark.parametrize("spoil", ["moved farther", "frame", "left out"])
-def test_labels_that_tell_something_else(data_set: Path, spoil: str) -> None:
+def test_wrong_labels_are_found(data_set: Path, spoil: str) -> None:
     path = data_set / "perturb" / "labels.parquet"
     table = pq.read_table(path)
     if spoil == "left out":
@@ -200,8 +200,8 @@ def test_labels_that_tell_something_else(data_set: Path, spoil: str) -> None:
     assert checks_of(data_set) == {"beside", "points"}
 
 
-def test_a_drive_recorded_before_receptions_were(data_set: Path, rewrite: Rewrite) -> None:
-    """Is good as far as it goes, and says what it does not tell."""
+def test_a_drive_without_recorded_receptions_is_unchecked(data_set: Path, rewrite: Rewrite) -> None:
+    """It has no findings, and the missing receptions are reported as unchecked."""
     rewrite(data_set / "clean", all_but(EGO.true_receptions.name, EGO.reception_info.name))
     result = verify(data_set / "clean")
     assert result.findings == []
@@ -209,7 +209,7 @@ def test_a_drive_recorded_before_receptions_were(data_set: Path, rewrite: Rewrit
     assert "does not record which sent messages were received" in gap.what
 
 
-def test_files_that_tell_something_else(data_set: Path) -> None:
+def test_inconsistent_files_are_found(data_set: Path) -> None:
     """In each, one sign is another one."""
     for name, check in (
         ("scenario.yaml", "scenario"),
@@ -224,21 +224,21 @@ def test_files_that_tell_something_else(data_set: Path) -> None:
         path.write_text(text)
 
 
-def test_another_parent(data_set: Path, rewrite: Rewrite) -> None:
+def test_a_bag_with_another_parent_is_a_fault(data_set: Path, rewrite: Rewrite) -> None:
     rewrite(data_set / "clean", lambda stream: (replace(raw, sequence=raw.sequence + 1) for raw in stream))
     found = verify(data_set).findings
     assert {finding.check for finding in found} == {"provenance"}
     assert len(found) == 7
 
 
-def test_where_one_stands(data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_current_folder_is_verified(data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(data_set)
     result = verify(Path(), quick=True)
     assert result.is_good
     assert result.path == str(data_set)
 
 
-def test_an_attack_alone_says_so(data_set: Path, tmp_path: Path) -> None:
+def test_a_single_adversarial_bag_is_verified_alone(data_set: Path, tmp_path: Path) -> None:
     alone = shutil.move(data_set / "detach", tmp_path / "alone")
     result = verify(Path(alone))
     assert result.is_good
@@ -251,31 +251,31 @@ def test_an_attack_in_its_data_set_finds_its_parent(data_set: Path) -> None:
     assert "verified alone" not in " ".join(map(str, result.unchecked))
 
 
-def test_what_a_killed_run_left_is_no_finding(data_set: Path) -> None:
+def test_leftovers_of_killed_runs_are_unchecked(data_set: Path) -> None:
     job = data_set / ".detach.0123456789ab.job"
     job.mkdir()
     (job / ".lock").touch()
     result = verify(data_set)
     assert result.is_good
-    said = ".detach.0123456789ab.job: was left by a killed run; not part of the data set"
-    assert said in " ".join(map(str, result.unchecked))
+    unchecked_text = ".detach.0123456789ab.job: was left by a killed run; not part of the data set"
+    assert unchecked_text in " ".join(map(str, result.unchecked))
     with pytest.raises(AdvpipeError, match="unfinished run"):
         verify(job)
 
 
-def test_what_is_no_data_set(tmp_path: Path) -> None:
+def test_paths_that_are_not_data_sets_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("x")
-    for path, words in (
+    for path, expected in (
         ("nothing", "does not exist"),
         ("", "neither a data set"),
         ("a.txt", "not a data set"),
     ):
-        with pytest.raises(AdvpipeError, match=words):
+        with pytest.raises(AdvpipeError, match=expected):
             verify(tmp_path / path)
 
 
-def test_another_tools_bag(tmp_path: Path) -> None:
-    """rosbags writes no checksums, and no provenance: what can be checked is, and the rest is said."""
+def test_another_tools_bag_is_verified(tmp_path: Path) -> None:
+    """rosbags writes no checksums, and no provenance: everything checkable is checked, the rest reported."""
     store = typestore()
     with Writer(tmp_path / "b", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         clock = writer.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
@@ -283,15 +283,15 @@ def test_another_tools_bag(tmp_path: Path) -> None:
             writer.write(clock, stamp_ns, serialise(build.clock(stamp_ns), "rosgraph_msgs/msg/Clock"))
     result = verify(tmp_path / "b")
     assert result.findings == []
-    said = " ".join(map(str, result.unchecked))
-    assert "does not record its origin" in said
-    assert "none in the bag" in said
+    unchecked_text = " ".join(map(str, result.unchecked))
+    assert "does not record its origin" in unchecked_text
+    assert "none in the bag" in unchecked_text
     metadata = tmp_path / "b" / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 11"))
     assert checks_of(tmp_path / "b") == {"metadata"}
 
 
-def test_a_long_chain_of_frames(data_set: Path, rewrite: Rewrite) -> None:
+def test_a_long_chain_of_frames_is_checked_quickly(data_set: Path, rewrite: Rewrite) -> None:
     """20,000 frames, each below the one before: looked at once."""
 
     def longer(message: object) -> None:
@@ -307,7 +307,7 @@ def test_a_long_chain_of_frames(data_set: Path, rewrite: Rewrite) -> None:
     assert time.process_time() - start_s < 30
 
 
-def test_what_a_terminal_would_obey_is_spelt_out(data_set: Path, rewrite: Rewrite) -> None:
+def test_control_characters_are_escaped_in_findings(data_set: Path, rewrite: Rewrite) -> None:
     def coloured(stream: Messages) -> Iterator[RawMessage]:
         for raw in stream:
             name = raw.topic.name.replace("/clock", "/\x1b[31mclock\n")

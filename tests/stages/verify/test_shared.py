@@ -17,7 +17,7 @@ from advpipe.pipeline.dataset import archive, checksums, signature
 from advpipe.stages.verify.run import verify
 
 
-def test_single_bits(shared: Path) -> None:
+def test_every_flipped_bit_is_found(shared: Path) -> None:
     """60 of them anywhere in a data set, all found; the benchmark does so a thousand times."""
     rng = np.random.default_rng(5)
     files = [shared / name for name in (*checksums.listed_files(shared), checksums.FILE)]
@@ -45,7 +45,7 @@ def flip(path: Path, offset: int, bit: int | None) -> None:
 
 
 @pytest.mark.parametrize("name", ["clean", "gnss"])
-def test_single_bits_of_a_lone_bag(data_set: Path, tmp_path: Path, name: str) -> None:
+def test_every_flipped_bit_of_a_single_bag_is_found(data_set: Path, tmp_path: Path, name: str) -> None:
     """What the bag says of itself finds them all, without SHA256SUMS: CRCs, strict records, its memory."""
     bag = Path(shutil.move(data_set / name, tmp_path / "alone"))
     rng = np.random.default_rng(6)
@@ -62,7 +62,7 @@ def test_single_bits_of_a_lone_bag(data_set: Path, tmp_path: Path, name: str) ->
 
 
 @pytest.mark.parametrize("spoil", ["missing", "unlisted", "list"])
-def test_files_and_their_list(shared: Path, spoil: str) -> None:
+def test_missing_and_unlisted_files_are_faults(shared: Path, spoil: str) -> None:
     if spoil == "missing":
         (shared / "detach" / "frames.parquet").unlink()
     elif spoil == "unlisted":
@@ -74,7 +74,7 @@ def test_files_and_their_list(shared: Path, spoil: str) -> None:
     assert [(finding.check, finding.where) for finding in found] == [("checksums", where)]
 
 
-def test_hidden_files_are_no_part_of_a_data_set(shared: Path) -> None:
+def test_hidden_files_are_not_part_of_a_data_set(shared: Path) -> None:
     """As `git` and what fetches from Hugging Face leave them."""
     (shared / ".cache").mkdir()
     (shared / ".cache" / "x").write_text("x")
@@ -85,7 +85,7 @@ def test_hidden_files_are_no_part_of_a_data_set(shared: Path) -> None:
     ]
 
 
-def test_what_was_never_shared_is_not_missed(data_set: Path) -> None:
+def test_files_that_were_not_shared_are_not_faults(data_set: Path) -> None:
     """Without a list, though, nobody can tell."""
     (data_set / "scenario.yaml").unlink()
     assert checks_of(data_set) == {"scenario"}
@@ -95,7 +95,7 @@ def test_what_was_never_shared_is_not_missed(data_set: Path) -> None:
     assert "scenario.yaml: was not shared [scenario]" in map(str, result.unchecked)
 
 
-def test_a_data_set_of_which_only_the_list_is_there(shared: Path) -> None:
+def test_a_data_set_with_only_its_checksum_list_is_faulty(shared: Path) -> None:
     shutil.rmtree(shared / "clean")
     found = verify(shared).findings
     assert {finding.where for finding in found} == {"clean/clean_0.mcap", "clean/metadata.yaml"}
@@ -115,7 +115,7 @@ def test_without_the_library_a_signature_is_not_checked(
     assert "pip install 'advpipe[sign]'" in result.unchecked[0].what
 
 
-def test_signatures(shared: Path, tmp_path: Path) -> None:
+def test_valid_and_invalid_signatures_are_distinguished(shared: Path, tmp_path: Path) -> None:
     keys = []
     for name in ("a", "b"):
         private, public = tmp_path / f"{name}.pem", tmp_path / f"{name}.pub.pem"
@@ -132,7 +132,7 @@ def test_signatures(shared: Path, tmp_path: Path) -> None:
         verify(shared, key=keys[0][0])
 
 
-def test_an_archive(shared: Path, tmp_path: Path) -> None:
+def test_an_archive_is_verified(shared: Path, tmp_path: Path) -> None:
     (path, *_) = archive.pack(archive.contents(shared), tmp_path / "drive.tar")
     assert verify(path, quick=True).is_good
     data = path.read_bytes()
@@ -140,7 +140,7 @@ def test_an_archive(shared: Path, tmp_path: Path) -> None:
     assert [finding.check for finding in verify(path).findings] == ["archive"]
 
 
-def test_the_command(shared: Path) -> None:
+def test_the_command_prints_findings(shared: Path) -> None:
     code = "from advpipe.pipeline.cli import app; app()"
     command = [sys.executable, "-c", code, "verify", str(shared), "--quick", "--json"]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -33,7 +33,7 @@ def as_a_user(*words: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("is_listed", [True, False])
-def test_verify_tells_which(data_set: Path, is_listed: bool) -> None:
+def test_verify_names_the_unreadable_file(data_set: Path, is_listed: bool) -> None:
     if is_listed:
         checksums.write(data_set)
     done = as_a_user("-c", VERIFY, data_set, *NAMES)
@@ -45,7 +45,7 @@ def test_verify_tells_which(data_set: Path, is_listed: bool) -> None:
         assert len(own) < 20, own
 
 
-def test_share_refuses_in_one_line(data_set: Path, tmp_path: Path) -> None:
+def test_share_refuses_an_unreadable_file_in_one_line(data_set: Path, tmp_path: Path) -> None:
     path = data_set / "detach" / "labels.parquet"
     path.chmod(0)
     code = "from advpipe.pipeline.cli import app; app()"
@@ -56,7 +56,7 @@ def test_share_refuses_in_one_line(data_set: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_folders_in_the_place_of_files(data_set: Path) -> None:
+def test_folders_in_place_of_files_are_faults(data_set: Path) -> None:
     from advpipe.stages.verify.run import verify
 
     for name in ("clean/clean_0.mcap", "detach/labels.parquet", "cam/attack.yaml", "scenario.yaml"):

@@ -72,8 +72,8 @@ class EmbeddedNetwork:
         return [(name, self.channel.snapshot(name, self._now_ns)) for name in names]
 
     def finish(self) -> NetworkStep:
-        heard = self.channel.finish(self._now_ns, stations_of(self._v2x, self.radios))
-        return NetworkStep(self._now_ns, received=heard.received)
+        result = self.channel.finish(self._now_ns, stations_of(self._v2x, self.radios))
+        return NetworkStep(self._now_ns, received=result.received)
 
     def statistics(self) -> Statistics | None:
         return self.channel.statistics() if self._v2x.enabled else None
@@ -94,11 +94,11 @@ class EmbeddedNetwork:
             )
         )
         self._messages += len(sent)
-        heard = self.channel.advance(until_ns, stations_of(self._v2x, self.radios), sent)
-        for load in heard.loads:
+        result = self.channel.advance(until_ns, stations_of(self._v2x, self.radios), sent)
+        for load in result.loads:
             for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
-                station.hear_load(busy_ratio)
-        return NetworkStep(until_ns, sent, heard.received)
+                station.update_channel_load(busy_ratio)
+        return NetworkStep(until_ns, sent, result.received)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
@@ -106,11 +106,12 @@ class EmbeddedNetwork:
         return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
-        """Whether a vehicle has a station: instrumented ones always, of the others the scenario's share."""
+        """Whether a vehicle has a station: each instrumented one, and a share of the others
+        (v2x.penetration)."""
         if name not in self._equipped:
-            chance = named_generator(self._clock.seed, "v2x", "equipped", name).random()
+            draw = named_generator(self._clock.seed, "v2x", "equipped", name).random()
             can_be = user.variant.body.station_type is not None
-            self._equipped[name] = name in self._instrumented or (can_be and chance < self._v2x.penetration)
+            self._equipped[name] = name in self._instrumented or (can_be and draw < self._v2x.penetration)
         return self._equipped[name]
 
     def _id_of(self, name: str) -> int:

@@ -30,18 +30,18 @@ class GaussMarkovErrors:
         position_m, heading_rad = knowledge.position_stddev_m, math.radians(knowledge.heading_stddev_deg)
         stddev = (position_m, position_m, heading_rad, knowledge.speed_stddev_mps)
         times_s = (POSITION_TIME_S, POSITION_TIME_S, HEADING_TIME_S, SPEED_TIME_S)
-        memories = tuple(math.exp(-step_s / time_s) for time_s in times_s)
-        kicks = tuple(math.sqrt(1 - m * m) * s for m, s in zip(memories, stddev, strict=True))
-        self._memories, self._kicks = memories, kicks
+        correlations = tuple(math.exp(-step_s / time_s) for time_s in times_s)
+        noise_stddevs = tuple(math.sqrt(1 - m * m) * s for m, s in zip(correlations, stddev, strict=True))
+        self._correlations, self._noise_stddevs = correlations, noise_stddevs
         self._draws = _draws(rng)
         self._errors = tuple(s * draw for s, draw in zip(stddev, next(self._draws), strict=True))
 
     def step(self) -> tuple[float, ...]:
-        """The four errors one step later."""
+        """Advance by one step; return errors east and north in m, of heading in rad, of speed in m/s."""
         self._errors = tuple(
-            memory * error + kick * draw
-            for memory, error, kick, draw in zip(
-                self._memories, self._errors, self._kicks, next(self._draws), strict=True
+            correlation * error + noise_stddev * draw
+            for correlation, error, noise_stddev, draw in zip(
+                self._correlations, self._errors, self._noise_stddevs, next(self._draws), strict=True
             )
         )
         return self._errors
@@ -116,8 +116,8 @@ def self_estimates(
 
 
 def _with_error(true_mps: Float64, error_mps: Float64) -> Float64:
-    wrong_mps = true_mps + error_mps
-    speed_mps = np.where(true_mps >= 0, np.maximum(wrong_mps, 0.0), np.minimum(wrong_mps, 0.0))
+    measured_mps = true_mps + error_mps
+    speed_mps = np.where(true_mps >= 0, np.maximum(measured_mps, 0.0), np.minimum(measured_mps, 0.0))
     return np.where(np.abs(true_mps) < STANDING_MPS, 0.0, speed_mps)
 
 

@@ -57,8 +57,9 @@ class Station:
         size_m = variant.length_m, variant.width_m, variant.height_m
         return RadioPlace(self.id, user.id, user.map_SE3_base, size_m, user.velocity_mps)
 
-    def hear_load(self, busy_ratio: float) -> None:
-        """Process the channel load that the station measured over the last tenth of a second."""
+    def update_channel_load(self, busy_ratio: float) -> None:
+        """Update congestion control with the channel load that the station measured over the last tenth of a
+        second."""
         if self._dcc is not None:
             self._dcc.update(busy_ratio)
 
@@ -81,19 +82,19 @@ def update_states(
     step_s: float,
     geodesy: Geodesy,
 ) -> None:
-    """Update the states of all stations at once, from on-board estimates or simulated errors."""
+    """Update the states of all stations from on-board estimates or simulated errors."""
     if not stations:
         return
     users = [station.user for station in stations]
-    known = self_estimates(users, [station.errors for station in stations], estimates, step_s)
+    self_states = self_estimates(users, [station.errors for station in stations], estimates, step_s)
     lengths_m = np.array([user.variant.length_m for user in users])
     receiver = accuracy_of_receiver(v2x.others)
     for station, place, speed_mps, acceleration_mps2, yaw_rate_radps in zip(
         stations,
-        reference_points(geodesy, known.map_SE3_base, lengths_m),
-        known.speed_mps.tolist(),
-        known.acceleration_mps2.tolist(),
-        known.yaw_rate_radps.tolist(),
+        reference_points(geodesy, self_states.map_SE3_base, lengths_m),
+        self_states.speed_mps.tolist(),
+        self_states.acceleration_mps2.tolist(),
+        self_states.yaw_rate_radps.tolist(),
         strict=True,
     ):
         estimate = estimates.get(station.user.id)

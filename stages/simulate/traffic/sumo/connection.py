@@ -1,6 +1,6 @@
 """The connection to SUMO: in this process (libsumo), or to a server that others may share (TraCI).
 
-Nothing but this and `server` imports libsumo or traci.
+Only this module and `server` import libsumo or traci.
 """
 
 from __future__ import annotations
@@ -29,26 +29,32 @@ class SumoConnection:
 
     @property
     def vehicle(self) -> Any:
+        """TraCI's domain `vehicle`."""
         return self._client.vehicle
 
     @property
     def route(self) -> Any:
+        """TraCI's domain `route`."""
         return self._client.route
 
     @property
     def edge(self) -> Any:
+        """TraCI's domain `edge`."""
         return self._client.edge
 
     @property
     def vehicletype(self) -> Any:
+        """TraCI's domain `vehicletype`."""
         return self._client.vehicletype
 
     @property
     def simulation(self) -> Any:
+        """TraCI's domain `simulation`."""
         return self._client.simulation
 
     @property
     def trafficlight(self) -> Any:
+        """TraCI's domain `trafficlight`."""
         return self._client.trafficlight
 
     @property
@@ -63,9 +69,9 @@ class SumoConnection:
         return (traci.exceptions.TraCIException,)
 
     def start(self, options: Sequence[str]) -> None:
-        """Starts SUMO with command-line options, or joins the server that the scenario names.
+        """Start SUMO with command-line options, or join the server that the scenario names.
 
-        Raises AdvpipeError where it cannot start; nothing is left running then.
+        Raises AdvpipeError if it cannot start; nothing is left running then.
         """
         with self.errors():
             if self._transport == "libsumo":
@@ -82,9 +88,9 @@ class SumoConnection:
         self._client.simulationStep()
 
     def close(self, *, after_error: bool = False) -> None:
-        """End SUMO, unless it is a server started by somebody else; do nothing where none runs.
+        """End SUMO, unless another program started it as a server; do nothing if none runs.
 
-        after_error: SUMO may no longer respond, so it is not asked.
+        after_error: SUMO may no longer respond, so a server of ours is killed.
         """
         client, self._client = self._client, None
         if self._server is not None:
@@ -99,7 +105,7 @@ class SumoConnection:
             yield
         except (*self.refusals, *self._fatal()) as error:
             reason = (self._server.exit_reason() if self._server is not None else None) or error
-            raise AdvpipeError(f"SUMO cannot go on with this network or traffic: {reason}") from None
+            raise AdvpipeError(f"SUMO cannot continue with this network or traffic: {reason}") from None
 
     def _fatal(self) -> tuple[type[Exception], ...]:
         if self._transport == "libsumo":

@@ -1,4 +1,4 @@
-"""The instrumented vehicles that drive themselves."""
+"""The instrumented vehicles that a controller drives."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 
 
 class ControlledVehicles:
-    """One controller for each vehicle with `driver: controller`; it begins where SUMO found a free place."""
+    """One controller for each vehicle with `driver: controller`; it starts where SUMO inserted the
+    vehicle."""
 
     def __init__(self, sumo: SumoConnection, scenario: Scenario, network: RoadNetwork) -> None:
         self._sumo, self._scenario, self._network = sumo, scenario, network
@@ -24,30 +25,30 @@ class ControlledVehicles:
     def __bool__(self) -> bool:
         return bool(self._names)
 
-    def step(self, everybody: Mapping[str, RoadUser]) -> dict[str, RoadUser]:
-        """Where they are one step later, by id, given where everybody is now."""
+    def step(self, road_users: Mapping[str, RoadUser]) -> dict[str, RoadUser]:
+        """Advance by one step, given all current road users; return the controlled vehicles by id."""
         inserted = set(self._sumo.vehicle.getIDList())
         for name in self._names:
             if name not in self._controllers and name in inserted:
-                self._controllers[name] = self._take_over(name, everybody[name])
+                self._controllers[name] = self._take_over(name, road_users[name])
         step_s = self._scenario.simulation.step_s
         return {
             name: controller.step(
-                step_s, [user for other, user in everybody.items() if other != name], self._light
+                step_s, [user for other, user in road_users.items() if other != name], self._light
             )
             for name, controller in self._controllers.items()
         }
 
     def path_m(self, name: str) -> Float64:
-        """The path (K, 3) of one of them."""
+        """The path (K, 3) of a controlled vehicle in the map's frame."""
         return self._controllers[name].path_m
 
     def _take_over(self, name: str, user: RoadUser) -> Controller:
         vehicle = self._sumo.vehicle
         route = vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
         path = lane_path(self._network, route, vehicle.getLaneIndex(name))
-        wished_mps = self._scenario.vehicles[name].speed_mps or user.variant.body.max_speed_mps
-        return Controller(name, user.variant, path, user.map_SE3_base, wished_mps)
+        desired_mps = self._scenario.vehicles[name].speed_mps or user.variant.body.max_speed_mps
+        return Controller(name, user.variant, path, user.map_SE3_base, desired_mps)
 
     def _light(self, name: str, index: int) -> str:
         return str(self._sumo.trafficlight.getRedYellowGreenState(name)[index])

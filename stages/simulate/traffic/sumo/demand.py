@@ -10,34 +10,34 @@ from collections.abc import Iterable, Iterator
 from advpipe.pipeline.core.errors import AdvpipeError
 
 MOST_DEPARTURES = 100_000
-"""Within one drive: the traffic of a large city in its busiest hour. SUMO holds each in a few kilobytes, and
-looks at those that wait for room in every step."""
+"""Within one drive: the traffic of a large city in its busiest hour. SUMO needs a few kilobytes for each
+vehicle, and checks those that wait for room in every step."""
 
-MOST_WRITTEN = 500_000
-"""Vehicles and trips written one by one, also those that depart later: SUMO reads them all at its start."""
+MOST_LISTED = 500_000
+"""Vehicles and trips listed one by one, including those that depart later: SUMO reads all at its start."""
 
 _EXPONENTIAL = re.compile(r"exp\(([^)]*)\)")
 
 
 def check_demand(roots: Iterable[ElementTree.Element], where: str, end_s: float) -> None:
-    """Raises AdvpipeError where too many vehicles are written, or depart by the drive's end."""
-    written, departing = 0, 0.0
+    """Raise AdvpipeError if too many vehicles are listed, or depart by the drive's end."""
+    listed, departing = 0, 0.0
     for root in roots:
         for found in root.iter():
             if found.tag in ("vehicle", "trip"):
-                written += 1
+                listed += 1
                 departing += seconds(found.get("depart", "0"), 0.0) <= end_s
         for flow, interval in _flows(root):
             departing += departures(flow, interval, end_s)
-        if written > MOST_WRITTEN:
+        if listed > MOST_LISTED:
             raise AdvpipeError(
-                f"{where}: more than {MOST_WRITTEN:,} vehicles are written there, too many for SUMO to hold; "
-                "leave out those that depart after the drive"
+                f"{where}: lists more than {MOST_LISTED:,} vehicles, too many for SUMO to hold; "
+                "remove those that depart after the drive"
             )
         if departing > MOST_DEPARTURES:
             raise AdvpipeError(
                 f"{where}: {_amount(departing)} vehicles would depart during the drive; at most "
-                f"{MOST_DEPARTURES:,} are simulated, as SUMO holds and moves each of them; lower the flows"
+                f"{MOST_DEPARTURES:,} are simulated, as SUMO holds and moves each of them; reduce the flows"
             )
 
 
@@ -50,7 +50,7 @@ def departures(flow: ElementTree.Element, interval: ElementTree.Element | None, 
     open_s = min(until_s, end_s) - begin_s
     if open_s < 0:
         return 0.0
-    if rate_hz is None:  # as many, evenly between begin and end
+    if rate_hz is None:  # `number` vehicles, evenly between begin and end
         if flow.get("number") is None:
             return 0.0
         return most * open_s / (until_s - begin_s) if until_s > begin_s else most
@@ -67,7 +67,7 @@ def seconds(text: str | None, otherwise: float) -> float:
 
 
 def _flows(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, ElementTree.Element | None]]:
-    """Every <flow>, and the <interval> that it stands in, if any."""
+    """Every <flow>, and the <interval> that contains it, if any."""
     within = {id(flow): interval for interval in root.iter("interval") for flow in interval.iter("flow")}
     for flow in root.iter("flow"):
         yield flow, within.get(id(flow))
@@ -96,4 +96,4 @@ def _number(text: str | None, otherwise: float) -> float:
 
 
 def _amount(count: float) -> str:
-    return "endlessly many" if count == math.inf else f"{count:,.0f}" if count < 1e15 else f"{count:.0e}"
+    return "infinitely many" if count == math.inf else f"{count:,.0f}" if count < 1e15 else f"{count:.0e}"

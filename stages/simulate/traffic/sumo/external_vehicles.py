@@ -1,4 +1,4 @@
-"""Vehicles that are moved from outside, as SUMO's traffic meets them."""
+"""Externally moved vehicles and their images in SUMO, to which its traffic reacts."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 from advpipe.stages.simulate.traffic.sumo.pose import front_of
 
 MATCH_M = 8.0
-"""A bumper this near to a lane's centre line is on that road for SUMO; farther off it is beside it."""
+"""SUMO maps a front bumper to a lane whose centre line is this near; farther off it is beside the road."""
 
 
 class ExternalVehicles:
-    """Their images in SUMO, put to their true places before each of its steps.
+    """Images in SUMO of externally moved vehicles, placed at their true poses before each of its steps.
 
-    The true poses stay outside: SUMO only lets its own traffic react to the images, and its state of an image
-    off every road is ignored. An image has to be in SUMO for a step before it can be
-    moved, so it is announced one step ahead and enters where there is most room.
+    SUMO only lets its own traffic react to the images; the true poses are kept outside, and SUMO's state of
+    an image off the roads is ignored. SUMO can move an image only one step after its insertion, so images are
+    announced one step ahead and inserted where there is most room.
     """
 
     def __init__(self, sumo: SumoConnection, network: RoadNetwork) -> None:
@@ -54,9 +54,10 @@ class ExternalVehicles:
             self._images.add(user.id)
 
     def move(self, users: Mapping[str, RoadUser]) -> None:
-        """Puts every image to its place, takes away those that are gone; before SUMO's step.
+        """Move every image to its vehicle's place and remove those of absent vehicles; call it before SUMO's
+        step.
 
-        A vehicle that SUMO has inserted itself becomes an image.
+        A vehicle that SUMO has inserted itself becomes an image if it is among `users`.
         """
         vehicle = self._sumo.vehicle
         inserted = set(vehicle.getIDList())
@@ -66,7 +67,7 @@ class ExternalVehicles:
                 vehicle.remove(name)
             self._images.discard(name)
         for name, user in users.items():
-            if name not in inserted:  # SUMO found no room yet, or dropped it on its way off the roads
+            if name not in inserted:  # SUMO found no room yet, or removed it when it left the roads
                 continue
             front_m, angle_deg, _ = front_of(user.map_SE3_base, user.variant.length_m)
             front_m = front_m + self._network.offset_m
@@ -77,7 +78,7 @@ class ExternalVehicles:
         self.announce(users.values())
 
     def set_speeds(self, users: Mapping[str, RoadUser]) -> None:
-        """Gives images their true speeds, which SUMO would derive from how far they moved; after its step."""
+        """Set the true speeds, which SUMO would derive from the images' moves; call it after SUMO's step."""
         inserted = set(self._sumo.vehicle.getIDList())
         for name, user in users.items():
             if name in inserted:
@@ -85,7 +86,7 @@ class ExternalVehicles:
                 self._sumo.vehicle.setPreviousSpeed(name, speed_mps)
 
     def _emptiest_edge(self) -> str:
-        def crowd(edge: tuple[str, float]) -> tuple[float, str]:
+        def density(edge: tuple[str, float]) -> tuple[float, str]:
             return (self._sumo.edge.getLastStepVehicleNumber(edge[0]) + 1) / edge[1], edge[0]
 
-        return min(((edge.id, edge.length_m) for edge in self._network.drivable), key=crowd)[0]
+        return min(((edge.id, edge.length_m) for edge in self._network.drivable), key=density)[0]

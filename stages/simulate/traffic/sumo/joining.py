@@ -1,4 +1,4 @@
-"""Checks and set-up of a SUMO server that somebody else started, before our vehicles drive in it."""
+"""Checks and set-up of a SUMO server that another program started, before our vehicles are inserted."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ SETTERS = {
     "latAlignment": "setLateralAlignment",
     "minGapLat": "setMinGapLat",
 }
-"""TraCI's, by attribute; it has none for the others, which are set as parameters."""
+"""TraCI's setter of each attribute; attributes without a setter are set as parameters."""
 
 
 def prepare_server(
     sumo: SumoConnection, network: RoadNetwork, variants: Mapping[str, Variant], step_s: float
 ) -> None:
-    """Defines our vehicle types where the server has none of their names.
+    """Define our vehicle types on a server that lacks them.
 
-    Raises AdvpipeError for a server that drives on another network or in other steps.
+    Raises AdvpipeError for a server with another network or another step length.
     """
-    strange = sorted({edge.id for edge in network.drivable} - set(sumo.edge.getIDList()))
-    if strange:
+    missing = sorted({edge.id for edge in network.drivable} - set(sumo.edge.getIDList()))
+    if missing:
         raise AdvpipeError(
-            f"traffic.server.join: that SUMO has no edge {strange[0]!r} and drives on another network; start "
+            f"traffic.server.join: the server has no edge {missing[0]!r}, so it runs another network; start "
             f"it with --net-file {network.sumo_file}"
         )
-    theirs_s = sumo.simulation.getDeltaT()
-    if abs(theirs_s - step_s) > 1e-9:
+    server_step_s = sumo.simulation.getDeltaT()
+    if abs(server_step_s - step_s) > 1e-9:
         raise AdvpipeError(
-            f"traffic.server.join: that SUMO has steps of {theirs_s:g} s, not of {step_s:g} s; "
+            f"traffic.server.join: the server has steps of {server_step_s:g} s, not of {step_s:g} s; "
             f"start it with --step-length {step_s:g}"
         )
     types = sumo.vehicletype

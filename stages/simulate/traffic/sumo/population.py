@@ -1,4 +1,4 @@
-"""The vehicles that SUMO drives for us: kept at their number, and helped out where they are stuck."""
+"""SUMO's own vehicles: keeps their number constant, and reroutes those that are stuck."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ SPAWN_DISTANCE_M = 150.0
 """Vehicles that fill up the traffic appear at least this far from every instrumented vehicle."""
 
 STOP_EDGES = 5
-"""A vehicle that carries sensors is told where to stop this many edges before its route's end."""
+"""An instrumented vehicle gets its final stop this many edges before its route's end."""
 
 SHORT_ROUTE_M = 500.0
-"""On a route shorter than this, a vehicle that carries sensors starts from rest: it has to stop in time."""
+"""On a route shorter than this, an instrumented vehicle starts from rest, since it must stop in time."""
 
 STRANDED_AFTER_S = 4.0
 
 LEAST_ROOM_M = 2.0
-"""That a vehicle takes up of a lane: a bicycle's length. Cars that stand take 7.5 m."""
+"""Least length of lane for one vehicle, a bicycle's; a standing car takes 7.5 m."""
 
 
 class Population:
-    """Inserts vehicles with random walks that outlast the recording, so that none vanishes in sight
-    unless its road ends.
+    """Inserts vehicles with random routes longer than the recording, so that a vehicle disappears only where
+    its road ends.
     """
 
     def __init__(
@@ -50,24 +50,25 @@ class Population:
         simulation = scenario.simulation
         self._check_room()
         fastest_mps = max(edge.speed_mps for edge in network.drivable)
-        self._enough_m = 1.2 * fastest_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
+        self._route_length_m = 1.2 * fastest_mps * (simulation.warmup_s + simulation.duration_s) + 500.0
         self._added = 0
         self._waited_s: dict[str, float] = {}
 
     def _check_room(self) -> None:
-        """AdvpipeError for more vehicles than there is room for: they would be tried anew in every step."""
+        """Raise AdvpipeError for more vehicles than fit on the lanes: SUMO would retry the rest in every
+        step."""
         lanes_m = sum(
             edge.length_m * sum(lane.for_cars for lane in edge.lanes) for edge in self._network.drivable
         )
         wanted, most = self._scenario.traffic.vehicles, int(lanes_m / LEAST_ROOM_M)
         if wanted > most:
             raise AdvpipeError(
-                f"traffic.vehicles is {wanted}; bumper to bumper, {lanes_m / 1000:.1f} km of lanes hold "
-                f"{most}; lower it, or take a larger map"
+                f"traffic.vehicles is {wanted}; the {lanes_m / 1000:.1f} km of lanes hold at most {most}, "
+                f"bumper to bumper; lower it, or choose a larger map"
             )
 
     def insert_instrumented(self, name: str) -> None:
-        """Adds a vehicle that carries sensors, on its own route or one drawn on a wide road."""
+        """Insert an instrumented vehicle, on its configured route or a random one from a wide road."""
         vehicle = self._scenario.vehicles[name]
         if vehicle.route is not None:
             route = self._routes.checked(vehicle.route, f"vehicles.{name}.route")
@@ -75,14 +76,14 @@ class Population:
         else:
             start = self._routes.random_wide_start()
             index = self._routes.random_lane(start)
-            route, lane = self._routes.random_walk(start, index, self._enough_m), str(index)
+            route, lane = self._routes.random_walk(start, index, self._route_length_m), str(index)
         is_short = sum(self._network.edges[edge].length_m for edge in route) < SHORT_ROUTE_M
         self._add(name, f"{vehicle.body}.0", route, lane, speed="0" if is_short else "max")
         if vehicle.speed_mps is not None:
             self._sumo.vehicle.setMaxSpeed(name, vehicle.speed_mps)
 
     def fill_up(self, others: Collection[str], keep_away_m: Sequence[Float64]) -> None:
-        """Adds what is missing beside `others`, no vehicle within `SPAWN_DISTANCE_M` of places (3,)."""
+        """Insert missing vehicles, not counting `others`, none within `SPAWN_DISTANCE_M` of places (3,)."""
         loaded = set(self._sumo.vehicle.getLoadedIDList())
         missing = self._scenario.traffic.vehicles - len(loaded - set(others))
         if missing <= 0:
@@ -96,7 +97,7 @@ class Population:
             edge = self._routes.random_start()
             lane = self._routes.random_lane(edge)
             share = float(self._rng.random())
-            route = self._routes.random_walk(edge, lane, self._enough_m)
+            route = self._routes.random_walk(edge, lane, self._route_length_m)
             name = self._new_name(body, loaded, others)
             if not keep_away_m:
                 self._add(name, variant, route, str(lane))
@@ -104,9 +105,10 @@ class Population:
                 self._add(name, variant, route, str(lane), share * edge.length_m)
 
     def free_stranded(self, names: Collection[str], elapsed_s: float) -> None:
-        """Sends those on along their lane who stand on one that their route does not follow.
+        """Reroute vehicles that stand on a lane off their route, so that they continue along that lane.
 
-        A driver who finds no gap to the lane that he needs blocks his own for ever otherwise.
+        Otherwise, a vehicle that finds no gap to the lane that it needs blocks its own lane for ever.
+        elapsed_s: since the previous call.
         """
         vehicle = self._sumo.vehicle
         for name in names:
@@ -124,13 +126,13 @@ class Population:
             route = [vehicle.getRoute(name)[vehicle.getRouteIndex(name)]]
             edge, lane = self._network.edges.get(edge_id), int(index)
             if edge is not None and any(link.from_lane == lane for link in edge.connections):
-                route = self._routes.random_walk(edge, lane, self._enough_m, at_its_end=True)
+                route = self._routes.random_walk(edge, lane, self._route_length_m, keep_lane=True)
                 vehicle.setRoute(name, route)
 
     def stop_at_the_end(self, name: str) -> None:
-        """Lets a vehicle that carries sensors outlive its road.
+        """Stop an instrumented vehicle at its route's end, so that SUMO does not remove it there.
 
-        SUMO takes the first time that a route comes to the stop's edge, so it is told at the last one.
+        SUMO stops at the route's first visit to the stop's edge, so the stop is set before the last visit.
         """
         vehicle = self._sumo.vehicle
         ahead = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]

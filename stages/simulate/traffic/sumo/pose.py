@@ -1,4 +1,4 @@
-"""Where SUMO and advpipe say that a vehicle is: its front bumper, or the ground below its middle."""
+"""Conversion of vehicle poses between SUMO (front bumper) and advpipe (ground below the middle)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 def base_poses(
     front_m: npt.ArrayLike, angle_deg: npt.ArrayLike, slope_deg: npt.ArrayLike, length_m: npt.ArrayLike
 ) -> Float64:
-    """`map_SE3_base` (N, 4, 4) of vehicles as SUMO knows them.
+    """`map_SE3_base` (N, 4, 4) of vehicles from SUMO's values.
 
     front_m (N, 3): middle of the front bumper on the road. angle_deg (N,): clockwise from north.
     slope_deg (N,): upward positive. length_m (N,).

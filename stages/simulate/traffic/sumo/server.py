@@ -28,7 +28,7 @@ END_TIMEOUT_S = 5.0
 
 @dataclass
 class Server:
-    """A server, and our connection to it. process: of a server that we started. log: its output."""
+    """A SUMO server, and our connection to it. process, log: of a server that we started, and its output."""
 
     client: Any
     process: subprocess.Popen[bytes] | None = None
@@ -63,14 +63,14 @@ class Server:
 
 
 def connect(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
-    """Joins the server that the settings name, or starts one with options of SUMO's command line.
+    """Connect to the server that the settings name, or start one with options of SUMO's command line.
 
-    Where others are to share it, this returns when all of them are there. Raises AdvpipeError for a server
-    that does not answer or does not start; none of ours is left running then.
+    If others share the server, it returns once all clients have connected. Raises AdvpipeError for a server
+    that does not respond or start; a server of ours is not left running then.
     """
     if settings.join is not None:
         host, _, port = settings.join.rpartition(":")
-        server = Server(_reach(host, int(port), JOIN_TIMEOUT_S, Server(None)))
+        server = Server(_connect(host, int(port), JOIN_TIMEOUT_S, Server(None)))
     else:
         server = _start(settings, options, log)
     if settings.join is not None or settings.clients > 1:
@@ -86,11 +86,13 @@ def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
     port = _free_port(settings.port)
     command = [sumo_program("sumo"), *options, "--remote-port", str(port)]
     command += ["--num-clients", str(settings.clients)]
-    with log.open("wb") as words:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=words)
+    with log.open("wb") as log_file:
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log_file
+        )
     server = Server(None, process, log)
     try:
-        server.client = _reach(LOCALHOST, port, START_TIMEOUT_S, server)
+        server.client = _connect(LOCALHOST, port, START_TIMEOUT_S, server)
         if settings.clients > 1:
             others = f"{settings.clients - 1} more client{'s' * (settings.clients > 2)}"
             notice(f"SUMO listens on port {port} and waits for {others}")
@@ -100,7 +102,7 @@ def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
     return server
 
 
-def _reach(host: str, port: int, timeout_s: float, server: Server) -> Any:
+def _connect(host: str, port: int, timeout_s: float, server: Server) -> Any:
     """A connection to a server that may still be starting."""
     import traci
 
@@ -114,13 +116,13 @@ def _reach(host: str, port: int, timeout_s: float, server: Server) -> Any:
             if time.monotonic() > until_s:
                 whose = "it" if server.process is not None else "`sumo --remote-port`"
                 raise AdvpipeError(
-                    f"no SUMO answers at {host}:{port} within {timeout_s:g} s; is {whose} running?"
+                    f"no SUMO server responds at {host}:{port} within {timeout_s:g} s; is {whose} running?"
                 ) from None
         time.sleep(0.02)
 
 
 def _free_port(wanted: int | None) -> int:
-    """The wanted port if nobody listens there, or any that is free."""
+    """The wanted port, or any free port if it is None. Raises AdvpipeError if the wanted port is in use."""
     with socket.socket() as probe:
         try:
             probe.bind((LOCALHOST, wanted or 0))

@@ -1,4 +1,4 @@
-"""Traffic by SUMO: it drives vehicles, and reacts to those moved from outside."""
+"""Traffic by SUMO, which drives vehicles and reacts to externally moved ones."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectory
 
 INSERTION_LIMIT_S = 120.0
 CLEARANCE_M = 10.0
-"""Vehicles of SUMO's this near to one that is moved from outside are gone when the recording starts."""
+"""SUMO's vehicles this near to an externally moved one are removed before the recording starts."""
 
 
 class SumoTraffic(TrafficSource):
     """The SUMO simulation of one scenario; with libsumo, only one can run in a process.
 
-    Lanes are divided laterally, so that a lane change is a drive across and not a jump. Vehicles that are
-    moved from outside (those pushed, rows of a trajectory file, or a controller of their own) have images in
-    SUMO, to which its traffic reacts; what `road_users` says of them comes from outside, not from SUMO.
+    Lanes are divided laterally, so that vehicles change lanes gradually. Externally moved vehicles (pushed,
+    from a trajectory file, or with a controller) have images in SUMO, to which its traffic reacts;
+    `road_users` returns their external states, not SUMO's.
     """
 
     def __init__(
@@ -55,14 +55,14 @@ class SumoTraffic(TrafficSource):
                 routes.checked(vehicle.route, f"vehicles.{name}.route")
         types = scratch / "vehicle_types.add.xml"
         types.write_text(vehicle_types_xml(variants), encoding="utf-8")
-        self._own = user_traffic(scenario, network, routes, types, self._trajectories.ids)
-        self._options = [*_options(scenario, network), *self._own.options(types)]
+        self._user_traffic = user_traffic(scenario, network, routes, types, self._trajectories.ids)
+        self._options = [*_options(scenario, network), *self._user_traffic.options(types)]
         self._external = ExternalVehicles(sumo, network)
         self._controlled = ControlledVehicles(sumo, scenario, network)
         self._vehicles = SumoVehicles(sumo, network, variants, scenario.simulation.seed)
         self._pushed: dict[str, RoadUser] = {}  # for the next step
         self._upcoming: dict[str, RoadUser] = {}  # for the step after it
-        self._moved: dict[str, RoadUser] = {}  # who is moved from outside, as they are now
+        self._moved: dict[str, RoadUser] = {}  # current states of externally moved vehicles
         self._steps = self._frame = 0
 
     def __enter__(self) -> SumoTraffic:
@@ -80,12 +80,12 @@ class SumoTraffic(TrafficSource):
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._sumo.close(after_error=error is not None)
 
     def step(self) -> None:
-        """Advance all vehicles by one step, and replace those whose road has ended."""
+        """Advance all vehicles by one step, and replace those that have reached the end of their road."""
         step_s = self._scenario.simulation.step_s
         now_s, next_s = (round(frame * step_s, 9) for frame in (self._frame, self._frame + 1))
         self.push(self._trajectories.at(now_s).values(), self._trajectories.at(next_s).values())
@@ -96,12 +96,12 @@ class SumoTraffic(TrafficSource):
         self._frame += 1
 
     def road_users(self) -> dict[str, RoadUser]:
-        """Every vehicle that is on the road now, by id, SUMO's first; those move where they look."""
+        """All vehicles now on the road, by id, SUMO's first, whose velocities point along their headings."""
         with self._sumo.errors():
             return {**self._vehicles.now(self._external.images), **self._moved}
 
     def route_m(self, name: str) -> Float64:
-        """The middle of the way along a vehicle's whole route (K, 3)."""
+        """The centre line (K, 3) of a vehicle's whole route."""
         driver = self._scenario.vehicles[name].driver
         if driver == "trajectory":
             return self._trajectories.places_m(name)
@@ -112,7 +112,8 @@ class SumoTraffic(TrafficSource):
         return np.concatenate([edge.lanes[0].centre_m for edge in edges])
 
     def push(self, users: Iterable[RoadUser], upcoming: Iterable[RoadUser] = ()) -> None:
-        """External vehicles of the next step, and of the one after it, which SUMO makes room for before."""
+        """Set the external vehicles of the next step, and those of the step after it, for which SUMO makes
+        room."""
         self._pushed |= {user.id: user for user in users}
         self._upcoming |= {user.id: user for user in upcoming}
 
@@ -165,7 +166,7 @@ class SumoTraffic(TrafficSource):
         for name, vehicle in self._scenario.vehicles.items():
             if vehicle.driver != "trajectory" and name not in loaded:
                 self._population.insert_instrumented(name)
-        if not self._own.is_user_supplied:
+        if not self._user_traffic.is_user_supplied:
             others = {*self._scenario.vehicles, *self._trajectories.ids, *self._external.images}
             self._population.fill_up(others, keep_away_m)
 
@@ -174,11 +175,12 @@ class SumoTraffic(TrafficSource):
         for name in self._scenario.vehicles:
             if name not in present:
                 raise AdvpipeError(
-                    f"{name} came to the end of its road too fast to stop there; "
+                    f"{name} reached the end of its road too fast to stop there; "
                     f"give vehicles.{name}.route a longer one, or choose another simulation.seed"
                 )
 
     def _make_way(self, first: Collection[RoadUser]) -> None:
+        """Remove SUMO's vehicles that are too near to the first externally moved ones."""
         for name, user in self._vehicles.now(self._external.images).items():
             if name in self._scenario.vehicles:
                 continue
@@ -189,7 +191,7 @@ class SumoTraffic(TrafficSource):
                     break
 
     def _rerouted(self) -> list[str]:
-        """Vehicles that follow routes which we drew."""
+        """Ids of the vehicles with random routes, which may be rerouted."""
         fixed = {
             name
             for name, vehicle in self._scenario.vehicles.items()
@@ -197,7 +199,7 @@ class SumoTraffic(TrafficSource):
         }
         fixed |= self._external.images
         present = self._sumo.vehicle.getIDList()
-        if self._own.is_user_supplied:
+        if self._user_traffic.is_user_supplied:
             present = [name for name in present if name in self._scenario.vehicles]
         return [name for name in present if name not in fixed]
 

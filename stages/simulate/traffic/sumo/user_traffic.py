@@ -1,4 +1,4 @@
-"""Traffic of the user's: route files and .sumocfg, checked before SUMO sees them."""
+"""User-supplied traffic: route files and .sumocfg, checked before SUMO loads them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROUTE_FILE = "a SUMO route file (.rou.xml)"
 ADDITIONAL_FILE = "a SUMO additional file (.add.xml)"
 MOST_FILES = 100
 LATEST_S = 1e9
-"""SUMO counts milliseconds; no real drive begins later."""
+"""Latest begin: SUMO counts milliseconds, and no real drive begins later."""
 
 MAX_WAIT_S = 120.0
 """Longest wait for room on the network beyond the warm-up, as in `SumoTraffic`."""
@@ -42,13 +42,14 @@ class UserTraffic:
 
     @property
     def is_user_supplied(self) -> bool:
+        """Whether there are any files of the user."""
         return bool(self.route_files or self.additional_files)
 
     def options(self, types: Path) -> list[str]:
         """Command-line options of SUMO, with our own vehicle types before the user's files."""
         command = ["--additional-files", ",".join(map(str, (types, *self.additional_files)))]
         command += ["--begin", str(self.begin_s)]
-        if self.route_files:  # 0: routes are read at once, so that a bad one is found at the start
+        if self.route_files:  # 0: SUMO reads all routes at its start, and reports an invalid one there
             command += ["--route-files", ",".join(map(str, self.route_files)), "--route-steps", "0"]
         return command
 
@@ -58,10 +59,10 @@ def user_traffic(
 ) -> UserTraffic:
     """The user's traffic of a scenario, if it names any; departures count from the warm-up's start.
 
-    Of a .sumocfg, its route and additional files and its begin are taken; the network is the scenario's.
-    `moved`: ids in the table of trajectories.
+    Only the route files, additional files and begin of a .sumocfg are used; the network is the scenario's.
+    moved: ids in the table of trajectories.
     Raises AdvpipeError for a missing or invalid file, an unknown edge or type, roads that do not
-    connect, a vehicle class without a body, and anything else that SUMO refuses.
+    connect, a vehicle class without a body, and anything else that SUMO rejects.
     """
     if scenario.traffic.sumo_config is not None:
         own = _configured(Path(scenario.traffic.sumo_config))
@@ -79,7 +80,7 @@ def user_traffic(
         known |= set(_types(root, f"{key}: {path}"))
     for path, root in roots:
         _check(root, f"{key}: {path}", scenario, routes, known, moved)
-    _probe(key, own.options(types), network)
+    _load_in_sumo(key, own.options(types), network)
     return own
 
 
@@ -87,12 +88,12 @@ def _roots(own: UserTraffic, key: str) -> Iterator[tuple[Path, ElementTree.Eleme
     """Every file of the user, and the files that they include."""
     waiting = [(path, ROUTE_FILE) for path in own.route_files]
     waiting += [(path, ADDITIONAL_FILE) for path in own.additional_files]
-    for count, (path, kind) in enumerate(waiting, 1):
+    for count, (path, description) in enumerate(waiting, 1):
         if count > MOST_FILES:
             raise AdvpipeError(f"{key}: {path} is one of more than {MOST_FILES} files, or includes itself")
-        root = check_xml(path, key, ("routes", "additional"), kind)
+        root = check_xml(path, key, ("routes", "additional"), description)
         yield path, root
-        waiting += [(path.parent / str(found.get("href")), kind) for found in root.iter("include")]
+        waiting += [(path.parent / str(found.get("href")), description) for found in root.iter("include")]
 
 
 def _configured(path: Path) -> UserTraffic:
@@ -150,7 +151,7 @@ def _check(
                 raise AdvpipeError(f"{name}: no vType {found.get('type')!r} is defined")
             if found.get("id") in scenario.vehicles:
                 raise AdvpipeError(f"{name} has the name of an instrumented vehicle; rename one of them")
-            if found.get("id") in moved or (found.tag == "flow" and _counts(str(found.get("id")), moved)):
+            if found.get("id") in moved or (found.tag == "flow" and _may_create(str(found.get("id")), moved)):
                 raise AdvpipeError(f"{name} has the name of one in trajectories.file; rename one of them")
             if str(found.get("id")).partition(".")[0] in RESERVED_NAMES:
                 raise AdvpipeError(f"{name} has a reserved name; rename it")
@@ -160,16 +161,16 @@ def _check(
             )
 
 
-def _counts(flow: str, names: Collection[str]) -> bool:
-    """Whether a vehicle of a flow, like `flow.3`, may have one of the names."""
+def _may_create(flow: str, names: Collection[str]) -> bool:
+    """Whether a flow may create a vehicle, such as `flow.3`, with one of the names."""
     return any(name.rpartition(".")[0] == flow and name.rpartition(".")[2].isdigit() for name in names)
 
 
-def _probe(key: str, options: Sequence[str], network: RoadNetwork) -> None:
-    """Let SUMO read all of it in a separate process, whose error messages can be captured."""
+def _load_in_sumo(key: str, options: Sequence[str], network: RoadNetwork) -> None:
+    """Let SUMO load everything in a separate process, whose error messages can be captured."""
     command = ["--net-file", str(network.sumo_file), *options]
     begin_s = float(options[options.index("--begin") + 1])
     command += ["--end", str(begin_s + 1.0), "--no-step-log", "--no-warnings"]
     done = run_sumo("sumo", command, key)
     if done.returncode != 0:
-        raise AdvpipeError(f"{key}: SUMO refuses it: {last_error(done)}")
+        raise AdvpipeError(f"{key}: SUMO rejects it: {last_error(done)}")

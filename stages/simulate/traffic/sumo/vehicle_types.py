@@ -34,7 +34,7 @@ BODIES_OF_CLASS: dict[str, tuple[str, ...]] = {
     "bicycle": ("bicycle",),
     "wheelchair": ("bicycle",),
 }
-"""Bodies that stand for a vClass of SUMO; rail, water, air and pedestrian classes have none."""
+"""Bodies that represent a vClass of SUMO; rail, water, air and pedestrian classes have none."""
 
 NEAREST_VARIANTS = 3
 """A vehicle of the user's gets one of this many variants nearest to its length, drawn by the seed."""
@@ -50,9 +50,9 @@ def substitute_variant(
 
 
 def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:
-    """SUMO vehicle types, one for each variant.
+    """An additional file with one SUMO vehicle type for each variant.
 
-    People on foot are among them: a trajectory from outside may move one, and cars brake for it.
+    Pedestrians are included, so that cars brake for one that a trajectory moves.
     """
     lines = []
     for name, variant in variants.items():
@@ -63,10 +63,10 @@ def vehicle_types_xml(variants: Mapping[str, Variant]) -> str:
 
 
 def type_attributes(variant: Variant) -> dict[str, str | float]:
-    """Of the vehicle type that stands for a variant, as SUMO's files name them."""
+    """Attributes of the vehicle type that represents a variant, by their names in SUMO's files."""
     body = variant.body
     return {
-        "vClass": "passenger",  # bodies differ in size and speed; who may use a lane is the road's matter
+        "vClass": "passenger",  # bodies differ in size and speed alone, not in the lanes that they may use
         "length": variant.length_m,
         "width": variant.width_m,
         "height": variant.height_m,

@@ -17,7 +17,7 @@ from advpipe.stages.simulate.traffic.sumo.vehicle_types import substitute_varian
 
 
 class SumoVehicles:
-    """Reads their poses and velocities from SUMO."""
+    """Reads poses and velocities of SUMO's vehicles."""
 
     def __init__(
         self, sumo: SumoConnection, network: RoadNetwork, variants: Mapping[str, Variant], seed: int
@@ -29,7 +29,7 @@ class SumoVehicles:
         )
 
     def now(self, without: Collection[str]) -> dict[str, RoadUser]:
-        """Everybody whom SUMO has on the road, sorted by id, except some; they move where they look."""
+        """SUMO's vehicles on the road, sorted by id, `without` some; velocities point along the headings."""
         vehicle = self._sumo.vehicle
         names = [name for name in sorted(vehicle.getIDList()) if name not in without]
         if not names:
@@ -52,7 +52,7 @@ class SumoVehicles:
         return place
 
     def _variant(self, name: str) -> Variant:
-        """The body of a vehicle; one of the user's becomes as large as its stand-in."""
+        """The variant of a vehicle; a vehicle of the user's gets the size of its substitute."""
         if name not in self._variant_of:
             vehicle = self._sumo.vehicle
             variant = self._variants.get(vehicle.getTypeID(name))

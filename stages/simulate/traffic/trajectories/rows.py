@@ -18,22 +18,22 @@ LONGEST_LINE = 10_000
 """Characters of a line of CSV; ours have some hundred."""
 
 Row = tuple[str, Sequence[Any]]
-"""Where it stands, as "line 3" or "row 2", and its values in the order of the columns."""
+"""The place in the file, such as "line 3" or "row 2", and the values in the order of the columns."""
 
 
 def table_rows(path: Path, needed: Sequence[str], known: Sequence[str]) -> tuple[list[str], Iterator[Row]]:
-    """Those of the `known` columns that a table has, and its rows.
+    """The `known` columns that a table has, and an iterator over its rows.
 
-    Raises AdvpipeError, also while rows are taken, for a file that is no table, one without a `needed`
-    column, one of more than `MOST_ROWS`, and a line of CSV that is too long or has too few fields.
+    Raises AdvpipeError, also during iteration, for a file that is not a table, lacks a `needed` column or has
+    more than `MOST_ROWS` rows, and for a line of CSV that is too long or has a wrong number of fields.
     """
     where = f"trajectories.file: {path}"
     if not path.is_file():
-        raise AdvpipeError(f"{where} {'is no file' if path.exists() else 'does not exist'}")
+        raise AdvpipeError(f"{where} {'is not a file' if path.exists() else 'does not exist'}")
     with path.open("rb") as file:
         is_parquet = file.read(4) == b"PAR1"
     if is_parquet:
-        found = _named(path, where)
+        found = _parquet_columns(path, where)
         names = [*(name for name in known if name in found), *sorted(found - set(known))]
         _check_columns(names, needed, where)
         present = [name for name in known if name in names]
@@ -54,11 +54,11 @@ def _check_columns(names: Sequence[str], needed: Sequence[str], where: str) -> N
             raise AdvpipeError(f"{where} has no column {name}; it has {has}")
 
 
-def _named(path: Path, where: str) -> set[str]:
+def _parquet_columns(path: Path, where: str) -> set[str]:
     try:
         return flat_columns(path)
     except AdvpipeError as error:
-        raise _unread(path, where, error) from None
+        raise _unreadable(path, where, error) from None
 
 
 def _parquet_rows(path: Path, columns: Sequence[str], where: str) -> Iterator[Row]:
@@ -69,7 +69,7 @@ def _parquet_rows(path: Path, columns: Sequence[str], where: str) -> Iterator[Ro
                 number += 1
                 yield f"row {number}", values
     except AdvpipeError as error:
-        raise _unread(path, where, error) from None
+        raise _unreadable(path, where, error) from None
 
 
 def _csv_rows(
@@ -78,7 +78,7 @@ def _csv_rows(
     places = [names.index(name) for name in columns]
     for count, (number, fields) in enumerate(lines, 1):
         if count > MOST_ROWS:
-            raise AdvpipeError(f"{where} has more than {MOST_ROWS} rows; leave out what no drive reaches")
+            raise AdvpipeError(f"{where} has more than {MOST_ROWS} rows; remove those after the drive's end")
         if len(fields) != len(names):
             raise AdvpipeError(f"{where}, line {number} has {len(fields)} fields, the first one {len(names)}")
         yield f"line {number}", [fields[place] for place in places]
@@ -93,7 +93,7 @@ def _lines(path: Path, where: str) -> Iterator[tuple[int, list[str]]]:
                 if fields:
                     yield reader.line_num, fields
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise _no_table(where, error) from None
+        raise _not_a_table(where, error) from None
 
 
 def _bounded(file: TextIO, where: str) -> Iterator[str]:
@@ -105,19 +105,19 @@ def _bounded(file: TextIO, where: str) -> Iterator[str]:
         yield line
 
 
-def _unread(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
+def _unreadable(path: Path, where: str, error: AdvpipeError) -> AdvpipeError:
     reason = str(error).removeprefix(f"{path}: ").removeprefix("not a complete Parquet file ")
     return AdvpipeError(f"{where} is not a CSV or Parquet table: {reason}")
 
 
-def _no_table(where: str, error: Exception) -> AdvpipeError:
+def _not_a_table(where: str, error: Exception) -> AdvpipeError:
     return AdvpipeError(
         f"{where} is not a CSV or Parquet table: {shorten(' '.join(str(error).split()), 200)}"
     )
 
 
 def number_in(value: object) -> float:
-    """The number in a field of the table; NaN where there is none."""
+    """The number in a field of the table; NaN for any other value."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if isinstance(value, str):
         is_number = value.isascii() and "_" not in value
@@ -128,7 +128,7 @@ def number_in(value: object) -> float:
 
 
 def name_in(value: object) -> str:
-    """The name in a field of the table; ValueError for what is none."""
+    """The name in a field of the table; raises ValueError for an invalid name."""
     text = "" if value is None else str(value).strip()
     if not text or len(text) > 100 or any(ord(sign) < 33 or sign in "<>&\"'" for sign in text):
         raise ValueError(f"{short_repr(text)} is not a valid name (1 to 100 characters, no spaces)")

@@ -22,7 +22,7 @@ MOST_IDS = 20_000
 """Four times as many as `traffic.vehicles` lets drive at a time."""
 
 LARGEST = 1e7
-"""Numbers beyond it are no places on a map, nor times in a drive."""
+"""Largest absolute value of a place on a map in metres, or of a time in a drive in seconds."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class Rows:
 def read_trajectory_table(path: Path, bodies: frozenset[str]) -> dict[str, Rows]:
     """The rows of each id, sorted by id.
 
-    Raises AdvpipeError, with line and column, for a file that is no table, a missing column, a number that
-    is none or not finite, times of one id that do not rise, an unknown body, an id with a single row, and
-    more rows or ids than are held in memory.
+    Raises AdvpipeError, with line and column, for a file that is not a table, a missing column, an invalid or
+    infinite number, times of one id that do not increase, an unknown body, an id with a single row, and more
+    than `MOST_ROWS` rows or `MOST_IDS` ids.
     """
     columns, rows = table_rows(path, ("id", *REQUIRED), ("id", *REQUIRED, *OPTIONAL, "body"))
     read = _TableReader(f"trajectories.file: {path}", columns, bodies)
@@ -49,7 +49,7 @@ def read_trajectory_table(path: Path, bodies: frozenset[str]) -> dict[str, Rows]
 
 @dataclass
 class _PartialRows:
-    """What one id has so far, seven numbers a row; place: of its first."""
+    """The rows of one id so far, seven numbers each; place: of its first row."""
 
     place: str
     body: str
@@ -58,13 +58,14 @@ class _PartialRows:
 
 
 class _TableReader:
-    """Takes row after row, and keeps its numbers alone."""
+    """Collects rows one by one, and stores only their numbers."""
 
     def __init__(self, where: str, columns: Sequence[str], bodies: frozenset[str]) -> None:
         self._where, self._columns, self._bodies = where, columns, bodies
-        self._of: dict[str, _PartialRows] = {}
+        self._rows_of: dict[str, _PartialRows] = {}
 
     def add(self, place: str, values: Sequence[Any]) -> None:
+        """Check and store a row; raises AdvpipeError for an invalid one."""
         given = dict(zip(self._columns, values, strict=True))
         name = self._name(place, "id", given["id"])
         body = self._name(place, "body", given.get("body", DEFAULT_BODY))
@@ -72,11 +73,11 @@ class _TableReader:
             known = ", ".join(sorted(self._bodies))
             raise self._error(place, "body", f"{short_repr(body)} is not a known body; known: {known}")
         numbers = [self._number(place, one, given.get(one, 0.0)) for one in (*REQUIRED, *OPTIONAL)]
-        own = self._of.get(name)
+        own = self._rows_of.get(name)
         if own is None:
-            if len(self._of) >= MOST_IDS:
-                raise AdvpipeError(f"{self._where}, {place}: more than {MOST_IDS} ids, too many to drive")
-            own = self._of[name] = _PartialRows(place, body)
+            if len(self._rows_of) >= MOST_IDS:
+                raise AdvpipeError(f"{self._where}, {place}: more than {MOST_IDS} ids, too many to simulate")
+            own = self._rows_of[name] = _PartialRows(place, body)
         if numbers[0] <= own.last_s:
             rises = f"{numbers[0]:g} does not come after {own.last_s:g}, the row of {short_repr(name)} before"
             hint = "sort the rows of each id and drop repeated times"
@@ -87,15 +88,16 @@ class _TableReader:
         own.values.extend(numbers)
 
     def finished(self) -> dict[str, Rows]:
-        if not self._of:
+        """The rows of each id; raises AdvpipeError for no rows, or an id with a single row."""
+        if not self._rows_of:
             raise AdvpipeError(f"{self._where} has no rows")
         found: dict[str, Rows] = {}
-        for name in sorted(self._of):
-            own = self._of.pop(name)
+        for name in sorted(self._rows_of):
+            own = self._rows_of.pop(name)
             values = np.frombuffer(own.values, np.float64).reshape(-1, len(REQUIRED) + len(OPTIONAL))
             if len(values) == 1:
                 only = f"{self._where}, {own.place}: {short_repr(name)} has only this row"
-                raise AdvpipeError(f"{only}; give it two at least")
+                raise AdvpipeError(f"{only}; give it at least two")
             found[name] = Rows(values, own.body)
         return found
 

@@ -1,4 +1,4 @@
-"""Traffic without a simulator: the vehicles of the user's table, and nobody else."""
+"""Traffic without a simulator: only the vehicles of the user's table."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from advpipe.stages.simulate.traffic.trajectories.trajectories import Trajectory
 
 
 class TrajectoryTraffic(TrafficSource):
-    """Plays a table of trajectories; no vehicle reacts to another. One that is pushed is where it is pushed,
-    also where the table has it elsewhere."""
+    """Plays a table of trajectories; no vehicle reacts to another. The pose of a pushed vehicle replaces
+    the table's."""
 
     def __init__(
         self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
@@ -26,7 +26,7 @@ class TrajectoryTraffic(TrafficSource):
             if vehicle.driver != "trajectory":
                 raise AdvpipeError(
                     f"vehicles.{name}.driver is {vehicle.driver}, but traffic.source is trajectories, where "
-                    f"the table moves everybody; set it to trajectory, or traffic.source to sumo"
+                    f"the table moves all vehicles; set it to trajectory, or traffic.source to sumo"
                 )
         self._trajectories = TrajectoryPlayer(scenario, variants)
         self._step_s = scenario.simulation.step_s

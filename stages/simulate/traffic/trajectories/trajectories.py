@@ -1,4 +1,4 @@
-"""Trajectories from outside: where the vehicles of the user's table are at any time."""
+"""The user's trajectories: states of the vehicles in the user's table at any time."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.trajectories.table import Rows, read_trajectory_table
 
 ROUNDING_S = 1e-6
-"""Times of steps and of rows count as equal within it."""
+"""Tolerance within which times of steps and rows are equal."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One vehicle that is moved from outside: it is there from `times_s[0]` to `times_s[-1]`.
+    """The trajectory of one vehicle, which exists from `times_s[0]` to `times_s[-1]`.
 
-    places_m: (K, 3) of base_link in the map's frame. angles_rad: (K, 3) yaw, pitch, roll, without jumps.
+    places_m: (K, 3) of base_link in the map's frame. angles_rad: (K, 3) yaw, pitch, roll, unwrapped.
     velocities_mps: (K, 3), by central differences of the places.
     """
 
@@ -37,16 +37,17 @@ class Trajectory:
 
     @classmethod
     def of(cls, name: str, variant: Variant, rows: Rows) -> Trajectory:
+        """The trajectory of one id from its rows."""
         times_s, places_m, angles_rad = rows.values[:, 0], rows.values[:, 1:4], rows.values[:, 4:7]
         velocities_mps = np.gradient(places_m, times_s, axis=0)
         return cls(name, variant, times_s, places_m, np.unwrap(angles_rad, axis=0), velocities_mps)
 
-    def is_there(self, time_s: float) -> bool:
+    def exists_at(self, time_s: float) -> bool:
         """Whether the vehicle exists at a time since the recording's start."""
         return bool(self.times_s[0] - ROUNDING_S <= time_s <= self.times_s[-1] + ROUNDING_S)
 
     def at(self, time_s: float) -> RoadUser:
-        """Places, angles (the shortest way) and velocities are linear between two rows."""
+        """The vehicle at a time; place, angles and velocity are interpolated linearly between rows."""
         columns = np.concatenate([self.places_m, self.angles_rad, self.velocities_mps], axis=1)
         last = len(self.times_s) - 2
         index = min(max(int(np.searchsorted(self.times_s, time_s, side="right")) - 1, 0), last)
@@ -58,7 +59,7 @@ class Trajectory:
 
 
 class TrajectoryPlayer:
-    """All vehicles that are moved from outside by a table; none if the scenario names no table."""
+    """All vehicles that a table of trajectories moves; none if the scenario names no table."""
 
     def __init__(self, scenario: Scenario, variants: Mapping[str, Variant]) -> None:
         self._trajectories: list[Trajectory] = []
@@ -92,8 +93,8 @@ class TrajectoryPlayer:
         return frozenset(trajectory.id for trajectory in self._trajectories)
 
     def at(self, time_s: float) -> dict[str, RoadUser]:
-        """Those that are there at a time since the recording's start, by id."""
-        return {each.id: each.at(time_s) for each in self._trajectories if each.is_there(time_s)}
+        """The vehicles that exist at a time since the recording's start, by id."""
+        return {each.id: each.at(time_s) for each in self._trajectories if each.exists_at(time_s)}
 
     def places_m(self, name: str) -> Float64:
         """All places (K, 3) of one id."""
@@ -107,15 +108,16 @@ def _check_name(scenario: Scenario, name: str, path: Path) -> None:
             f"{path} has rows of {name}, whose driver is {vehicle.driver}; rename the id, "
             f"or set vehicles.{name}.driver to trajectory"
         )
-    kind, _, number = name.rpartition(".")
-    ours = {"pedestrian": scenario.traffic.pedestrians, "parked": scenario.traffic.parked_per_km}
-    if number.isdigit() and ours.get(kind):
-        key = "pedestrians" if kind == "pedestrian" else "parked_per_km"
+    prefix, _, number = name.rpartition(".")
+    reserved = {"pedestrian": scenario.traffic.pedestrians, "parked": scenario.traffic.parked_per_km}
+    if number.isdigit() and reserved.get(prefix):
+        key = "pedestrians" if prefix == "pedestrian" else "parked_per_km"
         raise AdvpipeError(f"{path}: {name} is a reserved name; rename the id or set traffic.{key} to 0")
 
 
 def _variant(scenario: Scenario, variants: Mapping[str, Variant], name: str, rows: Rows) -> Variant:
-    """An instrumented vehicle has the body that the scenario gives it, the others that of the table."""
+    """The variant: for an instrumented vehicle, of its body in the scenario, else of its body in the
+    table."""
     if name in scenario.vehicles:
         return variants[f"{scenario.vehicles[name].body}.0"]
     choices = variants_of(variants, rows.body)

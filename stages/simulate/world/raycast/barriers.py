@@ -13,7 +13,7 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge, st
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
 
 STRETCH_POINTS = 10
-"""A barrier goes on for so many points of a kerb, some 40 m."""
+"""Length of one barrier in points of a kerb, about 40 m."""
 
 FAST_SHARE = 0.95
 OFFSET_M = 0.45
@@ -21,20 +21,24 @@ POST_M = (0.1, 0.12, 0.75)
 
 
 def build_barriers(share: float, roads: Roads, occupied: Occupied, rng: np.random.Generator) -> list[Mesh]:
-    """Barriers on this share of the stretches beside streets, and beside nearly all of a fast road."""
+    """Barriers beside a share of the stretches of streets; if `share` is positive, also beside most fast
+    roads."""
     meshes = []
-    for lines, wanted in ((roads.verges_m, max(share, FAST_SHARE) if share else 0.0), (roads.kerbs_m, share)):
+    for lines, probability in (
+        (roads.verges_m, max(share, FAST_SHARE) if share else 0.0),
+        (roads.kerbs_m, share),
+    ):
         is_street = lines is roads.kerbs_m
-        kinds = (_railing, _guard_rail) if is_street else (_guard_rail, _guard_rail, _wall)
+        builders = (_railing, _guard_rail) if is_street else (_guard_rail, _guard_rail, _wall)
         for line in lines:
-            kind = kinds[int(rng.integers(len(kinds)))]
+            build = builders[int(rng.integers(len(builders)))]
             for stretch in _stretches(line):
-                if rng.random() >= wanted:
+                if rng.random() >= probability:
                     continue
                 path = offset_right(stretch, OFFSET_M) + (0, 0, KERB_M if is_street else 0.0)
                 if is_street and not occupied.take_line(path, 0.2):
                     continue
-                meshes.append(kind(path))
+                meshes.append(build(path))
     return meshes
 
 
@@ -45,26 +49,26 @@ def _stretches(line_m: Float64) -> Iterator[Float64]:
 
 def _guard_rail(path_m: Float64) -> Mesh:
     """A steel beam of two waves, 0.75 m high, on posts 4 m apart."""
-    fold = [(0.0, 0.75), (0.08, 0.68), (0.0, 0.6), (0.08, 0.52), (0.0, 0.44)]
-    return merge([*_folded(path_m, fold, "rail"), *_posts(path_m, POST_M)])
+    profile = [(0.0, 0.75), (0.08, 0.68), (0.0, 0.6), (0.08, 0.52), (0.0, 0.44)]
+    return merge([*_extruded(path_m, profile, "rail"), *_posts(path_m, POST_M)])
 
 
 def _wall(path_m: Float64) -> Mesh:
     """A concrete wall with the New Jersey profile, 0.81 m high."""
     profile = [(0.4, 0.0), (0.2, 0.33), (0.15, 0.81), (-0.05, 0.81), (-0.1, 0.33), (-0.3, 0.0)]
-    return merge(_folded(path_m, profile, "barrier_concrete"))
+    return merge(_extruded(path_m, profile, "barrier_concrete"))
 
 
 def _railing(path_m: Float64) -> Mesh:
-    """Two bars that keep people off the road."""
+    """A pedestrian railing of two bars."""
     bars = [(0.0, 1.0), (0.0, 0.94)], [(0.0, 0.55), (0.0, 0.5)]
     return merge(
-        [*(m for bar in bars for m in _folded(path_m, bar, "rail")), *_posts(path_m, (0.06, 0.06, 1.0))]
+        [*(m for bar in bars for m in _extruded(path_m, bar, "rail")), *_posts(path_m, (0.06, 0.06, 1.0))]
     )
 
 
-def _folded(path_m: Float64, profile: list[tuple[float, float]], material: str) -> list[Mesh]:
-    """A profile of (towards the road, up) drawn along a path."""
+def _extruded(path_m: Float64, profile: list[tuple[float, float]], material: str) -> list[Mesh]:
+    """A profile of points (towards the road, up), in metres, extruded along a path."""
     lines = [offset_right(path_m, -toward) + (0, 0, up) for toward, up in profile]
     return [strip(a, b, material) for a, b in pairwise(lines)]
 

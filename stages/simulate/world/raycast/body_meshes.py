@@ -1,4 +1,4 @@
-"""What the bodies of road users look like: a mesh for each variant."""
+"""The meshes of road users' bodies, one for each variant."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
 from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
 Build = Callable[[float, float, float, str, float], Mesh]
-"""Length, width, height, paint and a pose in [0, 1] to a mesh; `hull` makes it fit the box."""
+"""Builds a mesh from length, width and height in metres, paint, and a pose in [0, 1]; `hull` scales it
+to the box."""
 
 MIRROR_M = (0.12, 0.2, 0.14)
 MIRROR_OUT_M = 0.09
-"""Mirrors stick so far out of the box on each side: boxes of the known data sets leave mirrors out."""
+"""How far mirrors stick out of the box on each side: the boxes of common data sets exclude mirrors."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,13 @@ SHAPES: Mapping[str, Shape] = {
     "pedestrian_umbrella": Shape(people.with_umbrella),
     "child": Shape(people.walking),
 }
-"""By the name of the body."""
+"""Shapes by the name of the body."""
 
 
 def body_meshes(variants: Mapping[str, Variant], user_bodies: Mapping[str, UserBody]) -> dict[str, Mesh]:
     """The mesh of each variant in base_link, mirrors included, by the variant's name.
 
-    Raises AdvpipeError for a mesh or material of the user's that cannot be used.
+    Raises AdvpipeError for an unusable mesh or material of the user.
     """
     return {
         name: _user_mesh(variant.body.name, user_bodies[variant.body.name])
@@ -69,7 +70,7 @@ def body_meshes(variants: Mapping[str, Variant], user_bodies: Mapping[str, UserB
 
 
 def body_mesh(variant: Variant) -> Mesh:
-    """The whole mesh of one of our bodies, mirrors included, in base_link."""
+    """The mesh of a built-in body, mirrors included, in base_link."""
     mirrors = SHAPES[variant.body.name].mirrors
     if mirrors is None:
         return hull(variant)
@@ -89,5 +90,5 @@ def hull(variant: Variant) -> Mesh:
     return centred.scaled(scale[0], scale[1], scale[2])
 
 
-def _user_mesh(name: str, given: UserBody) -> Mesh:
-    return load_mesh(given.mesh, f"bodies.{name}", given.material, given.scale)
+def _user_mesh(name: str, body: UserBody) -> Mesh:
+    return load_mesh(body.mesh, f"bodies.{name}", body.material, body.scale)

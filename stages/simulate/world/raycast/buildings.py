@@ -10,16 +10,16 @@ from advpipe.stages.simulate.world.raycast.shapes import quad
 
 STOREY_M = 3.0
 ROOM_M = 3.5
-"""How far behind the facade the rooms end."""
+"""Depth of the rooms behind the facade."""
 
 FOOT_M = 1.5
-"""Walls reach so far below the ground: it may slope."""
+"""How far walls reach below the ground, which may slope."""
 
 WALLS = ("plaster", "masonry", "facade_concrete", "facade_dark")
 
 
 def building(length_m: float, depth_m: float, storeys: int, rng: np.random.Generator) -> Mesh:
-    """A building centred on its ground plan; its length lies along x."""
+    """A building centred on its ground plan; its length is along x."""
     wall = WALLS[int(rng.choice(len(WALLS), p=(0.4, 0.35, 0.15, 0.1)))]
     height_m = storeys * STOREY_M + 0.6
     bay_m, window_m = rng.uniform(2.4, 3.6), rng.uniform(0.35, 0.65)
@@ -77,13 +77,13 @@ def _plan(length_m: float, depth_m: float, z_m: float) -> list[tuple[float, floa
 
 def _roof(length_m: float, depth_m: float, z_m: float, rng: np.random.Generator) -> Mesh:
     """Flat, gabled, or hipped, its ridge along the longer side."""
-    kind = int(rng.integers(3))
-    if kind == 0:
+    style = int(rng.integers(3))
+    if style == 0:
         return quad(_plan(length_m, depth_m, z_m - 0.4), "facade_concrete")
     along_x = length_m >= depth_m
     long_m, short_m = max(length_m, depth_m) / 2 + 0.4, min(length_m, depth_m) / 2 + 0.4
     top_m = z_m + short_m * rng.uniform(0.5, 0.9)
-    ridge_m = long_m if kind == 1 else max(long_m - short_m, 0.5)
+    ridge_m = long_m if style == 1 else max(long_m - short_m, 0.5)
     points = np.array(
         [
             [-long_m, -short_m, z_m], [long_m, -short_m, z_m],

@@ -1,4 +1,4 @@
-"""Cars, vans and buses: a hull with wheel arches, a glazed cabin, and what one sees through its windows."""
+"""Cars, vans and buses: a hull with wheel arches, a glazed cabin, and the interior behind its windows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class CarShape:
     rear, front: the hull's outline behind the cabin, from the rear bumper up, and before it, down to the
     front bumper. cabin: the outline from the rear end of the belt line over the roof to the windscreen's
     foot. roof: the roof's width as a share of the belt's. pillars, rows, axles: places along the length.
-    glazed_from: windows begin here. tinted_to: up to here they are tinted. bed: a load bed's two ends.
+    glazed_from, tinted_to: where windows begin, and where tinted ones end. bed: whether it has a load bed.
     """
 
     rear: Profile
@@ -40,7 +40,7 @@ class CarShape:
     bed: bool = False
 
     def __call__(self, length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-        """The mesh at this size; `pose` in [0, 1] says whether a passenger is in."""
+        """The mesh at this size; `pose` in [0, 1]: a passenger is on board above 0.6."""
         size = np.array([length_m, height_m])
         parts = [
             *self._hull(size, width_m, paint),
@@ -111,7 +111,7 @@ def _arch(x_m: float, radius_m: float, floor_m: float) -> list[tuple[float, floa
 
 
 def _inside(shape: CarShape, length_m: float, width_m: float, height_m: float, pose: float) -> list[Mesh]:
-    """Floor, dashboard, seats and who sits in them."""
+    """Floor, dashboard, seats and occupants."""
     belt_m = shape.cabin[-1][1] * height_m
     back_m, ahead_m = shape.cabin[0][0] * length_m, shape.cabin[-1][0] * length_m
     middle_m, long_m = (back_m + ahead_m) / 2, ahead_m - back_m
@@ -139,7 +139,7 @@ def _seat(x_m: float, y_m: float, width_m: float, belt_m: float, whole: bool) ->
 
 
 def _sitting(x_m: float, y_m: float, belt_m: float) -> list[Mesh]:
-    """The upper part of somebody in a seat."""
+    """The upper body of an occupant."""
     torso = tube((x_m, y_m, belt_m - 0.4), (x_m - 0.1, y_m, belt_m + 0.14), 0.17, "cloth_dark", 6)
     return [torso, ellipsoid((x_m - 0.06, y_m, belt_m + 0.27), (0.1, 0.08, 0.12), "skin", 3)]
 

@@ -1,7 +1,7 @@
 """Street furniture: lamp posts, signs, signals, fences, walls, bins, shelters, cabinets.
 
-Each faces the traffic that comes along its kerb: x is along the driving direction, y to the left, where
-the road is; the origin is on the ground.
+Each faces the oncoming traffic along its kerb. In its frame, x points in the driving direction and y to the
+left, towards the road; the origin is on the ground.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ def lamp_post(rng: np.random.Generator) -> Mesh:
 
 def traffic_sign(rng: np.random.Generator) -> Mesh:
     """A traffic sign on its post: round, triangular, square or a large panel; bright to the front only."""
-    kind = int(rng.integers(5))
+    shape = int(rng.integers(5))
     foot_m = rng.uniform(2.0, 2.4)
-    if kind == 4:
+    if shape == 4:
         face = _plate([(-0.9, 0.0), (0.9, 0.0), (0.9, 1.1), (-0.9, 1.1)])
         posts = [tube((0, y, -0.3), (0, y, foot_m + 1.1), 0.05, "steel", 6) for y in (-0.7, 0.7)]
         return merge([face.moved(-0.06, 0, foot_m), *posts])
-    corners, size_m = (16, 3, 4, 8)[kind], 0.37
+    corners, size_m = (16, 3, 4, 8)[shape], 0.37
     angle = 2 * np.pi * (np.arange(corners) + (0.5 if corners in (4, 8) else 0.0)) / corners + np.pi / 2
     face = _plate([(size_m * np.cos(a), size_m * np.sin(a) + size_m) for a in angle])
     post = tube((0, 0, -0.3), (0, 0, foot_m + 2 * size_m), 0.035, "steel", 6)
@@ -76,7 +76,7 @@ def delineator(rng: np.random.Generator) -> Mesh:
 
 
 def fence(length_m: float, rng: np.random.Generator) -> Mesh:
-    """A fence of upright slats: as much gap as wood."""
+    """A fence of upright slats with gaps as wide as the slats."""
     height_m = rng.uniform(0.9, 1.6)
     slats = np.arange(-length_m / 2, length_m / 2, 0.2)
     corners = np.stack(
@@ -100,7 +100,7 @@ def litter_bin(rng: np.random.Generator) -> Mesh:
 
 
 def container(rng: np.random.Generator) -> Mesh:
-    """A skip or a switch cabinet: of a car's size too, to be told from cars."""
+    """A switch cabinet or a skip, some of a car's size: hard negatives for detectors of cars."""
     if rng.random() < 0.5:
         return box_mesh((rng.uniform(0.4, 1.2), rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.6)), "bin")
     return box_mesh((rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9)), "rail")

@@ -28,7 +28,7 @@ Height = Callable[[Float64], Float64]
 
 
 def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -> Mesh:
-    """Everything that one drives and walks on."""
+    """The surfaces of roads, pavements, islands and grass as one mesh in the map's frame."""
     lowest = roads.levels[0]
     piece_m = 20.0 if roads.is_flat else 4.0
     parts = []
@@ -39,7 +39,7 @@ def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -
         parts += [_junction(outline, roads) for outline in network.junctions_m]
     kerbs = [line for line in roads.kerbs_m if len(line) > 1]
     streets = shapely.unary_union([shapely.LineString(line[:, :2]) for line in kerbs])
-    # A pavement goes on below a bridge, and ends where a road of another level begins.
+    # A pavement continues below a bridge, and ends where a road of another level begins.
     spans = [
         level.area.difference(level.area.intersection(lowest.area).buffer(-0.5).buffer(8.5))
         for level in roads.levels[1:]
@@ -69,7 +69,7 @@ def _sheet(area: shapely.Geometry, height_at: Height, material: str, raise_m: fl
 
 
 def _ribbons(network: RoadNetwork) -> list[Mesh]:
-    """Each lane's own surface: it has the height that the traffic drives at."""
+    """The surface of each lane, at the height of its centre line, on which the traffic drives."""
     ribbons = []
     for edge in network.edges.values():
         for lane in edge.lanes:
@@ -91,7 +91,7 @@ def _junction(outline_m: Float64, roads: Roads) -> Mesh:
         shapely.contains_xy(area.buffer(-0.3), level.samples_m[:, 0], level.samples_m[:, 1])
     ]
     points = np.concatenate([border, lanes])
-    # One point for each decimetre: where lanes cross, their samples come close.
+    # Keep one point per decimetre: the samples of crossing lanes nearly coincide.
     _, first = np.unique(np.round(points[:, :2], 1), axis=0, return_index=True)
     points = points[np.sort(first)]
     faces = Delaunay(points[:, :2] - points[0, :2]).simplices.astype(np.int64)
@@ -135,9 +135,9 @@ def _grass(roads: Roads, rng: np.random.Generator) -> Mesh:
 
 
 def terrain_at(xy_m: Float64, roads: Roads) -> Float64:
-    """Height of the ground at places (N, 2), its unevenness apart: (N,).
+    """Height (N,) in metres of the ground at places (N, 2), without its unevenness.
 
-    That of the nearest road; an embankment leads up to a bridge, and never covers a lower road.
+    The ground is as high as the nearest road. Embankments slope up to bridges and never cover a lower road.
     """
     if roads.is_flat:
         return roads.levels[0].height_at(xy_m)
@@ -149,7 +149,7 @@ def terrain_at(xy_m: Float64, roads: Roads) -> Float64:
         heights_m = np.append(level.samples_m[:, 2], np.inf)[nearest]
         terrain = np.where(distances_m[:, 0] < nearest_m, heights_m[:, 0], terrain)
         nearest_m = np.minimum(nearest_m, distances_m[:, 0])
-        # A cell's own size: none of its corners may rise over a road that passes inside it.
+        # Subtract the size of a cell, so that none of its corners rises above a road that passes through it.
         beyond_m = np.maximum(np.where(np.isfinite(distances_m), distances_m, 0.0) - 1.5 * GROUND_CELL_M, 0.0)
         rise.append((heights_m + EMBANKMENT_SLOPE * beyond_m).min(axis=1))
     lowest: Float64 = np.minimum(terrain, np.min(rise, axis=0))

@@ -1,4 +1,4 @@
-"""Paint on the road: lane lines, stop lines, crossings; and the patches that repairs leave."""
+"""Road markings (lane lines, stop lines, crossings) and patches of repaired asphalt."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ HEIGHT_M = 0.004
 PATCH_HEIGHT_M = 0.002
 STOP_LINE_M = 0.4
 CROSSING_M = (0.9, 3.4)
-"""A crossing lies so far beyond the end of the lanes, inside the junction."""
+"""Where a crossing begins and ends beyond the end of the lanes, inside the junction."""
 
 STRIPE_M = 0.5
 PAVEMENT_M = 1.9
-"""Paved width of a lane for people on foot."""
+"""Paved width of a pedestrian lane."""
 
 
 def build_markings(network: RoadNetwork, rng: np.random.Generator) -> list[Mesh]:

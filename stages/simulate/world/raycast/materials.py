@@ -1,4 +1,4 @@
-"""What surfaces do to a LiDAR's light at 905 nm, and which class a picture shows them as."""
+"""Materials: how surfaces reflect and transmit a LiDAR's light at 905 nm, and their semantic classes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy.typing as npt
 class Material(NamedTuple):
     """`reflectivity`: diffuse, in [0, 1]. `semantic`: one of `SEMANTIC_CLASSES`.
 
-    `retroreflective`: sends most light back to where it came from. `transmittance`: the share of the
-    light that is left after passing a pane there and back; 0 for what is no glass.
+    `retroreflective`: whether it reflects most light back to its source. `transmittance`: the two-way share
+    of light that passes a pane; 0 for an opaque material.
     """
 
     reflectivity: float
@@ -86,10 +86,10 @@ REFLECTIVITY = np.array(list(MATERIALS.values()), dtype=np.float32)
 """Reflectivity (number of materials,) by material id."""
 
 RETROREFLECTIVE: npt.NDArray[np.bool_] = np.array([m.retroreflective for m in _MATERIALS.values()])
-"""Whether a material (number of materials,) returns its light to where it came from: plates, signs, lamps."""
+"""Whether a material (number of materials,) is retroreflective: plates, signs, lamps."""
 
 TRANSMITTANCE = np.array([m.transmittance for m in _MATERIALS.values()], dtype=np.float32)
-"""Two-way share of light (number of materials,) that passes a pane; 0 for what is no glass."""
+"""Two-way share of light (number of materials,) that passes a pane; 0 for an opaque material."""
 
 SEMANTIC = np.array([SEMANTIC_CLASSES.index(m.semantic) for m in _MATERIALS.values()], dtype=np.uint8)
 """Index into `SEMANTIC_CLASSES` (number of materials,) by material id."""

@@ -1,4 +1,4 @@
-"""Triangle meshes with a material per triangle, and the primitives that the world is built of."""
+"""Triangle meshes with a material per triangle, and primitives to build them from."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ class Mesh:
     materials: npt.NDArray[np.uint8]
 
     def transformed(self, a_SE3_b: Float64) -> Mesh:
+        """The mesh, given in frame b, in frame a."""
         return Mesh(transform_points(a_SE3_b, self.vertices_m), self.triangles, self.materials)
 
     def scaled(self, x: float, y: float, z: float) -> Mesh:
+        """The mesh scaled along each axis by a factor."""
         return Mesh(self.vertices_m * (x, y, z), self.triangles, self.materials)
 
     def moved(self, x_m: float, y_m: float, z_m: float) -> Mesh:
+        """The mesh translated along each axis."""
         return Mesh(self.vertices_m + (x_m, y_m, z_m), self.triangles, self.materials)
 
 
@@ -48,7 +51,7 @@ def merge(meshes: Iterable[Mesh]) -> Mesh:
 
 
 def surface(vertices_m: npt.ArrayLike, triangles: npt.ArrayLike, material: str) -> Mesh:
-    """A mesh of one material."""
+    """A mesh of vertices (V, 3) in metres and triangles (T, 3) with one material of `MATERIAL_ID`."""
     faces = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
     ids = np.full(len(faces), MATERIAL_ID[material], np.uint8)
     return Mesh(np.asarray(vertices_m, dtype=np.float64).reshape(-1, 3), faces, ids)
@@ -65,7 +68,7 @@ def strip(left_m: Float64, right_m: Float64, material: str) -> Mesh:
 
 
 def box_mesh(size_m: Sequence[float], material: str, top: str | None = None) -> Mesh:
-    """A box that stands on z = 0, centred in x and y."""
+    """A box of length, width and height on z = 0, centred in x and y; `top`: material of its upper side."""
     length, width, height = size_m
     corners = [(x, y, z) for z in (0, height) for x, y in _square(length / 2, width / 2)]
     sides = [[i, (i + 1) % 4, (i + 1) % 4 + 4] for i in range(4)] + [

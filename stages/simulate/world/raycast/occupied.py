@@ -1,4 +1,4 @@
-"""Places taken: nothing may stand on a road, nor two things on one spot."""
+"""Occupied ground: no object may stand on a road or overlap another."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def footprint(map_SE3_base: Float64, length_m: float, width_m: float) -> shapely
 
 
 class Occupied:
-    """Footprints in the x-y plane."""
+    """Footprints of the roads and of the objects placed so far, in the map's x-y plane."""
 
     def __init__(self, roads: Roads, clearance_m: float = 0.2) -> None:
         self._roads = roads.area.buffer(clearance_m)
@@ -26,11 +26,11 @@ class Occupied:
         self._cells: dict[tuple[int, int], list[shapely.Polygon]] = {}
 
     def take(self, map_SE3_base: Float64, length_m: float, width_m: float) -> bool:
-        """Takes a rectangle if it is free."""
+        """Occupy a rectangle if it is free; return whether it was."""
         return self._take(footprint(map_SE3_base, length_m, width_m))
 
     def take_line(self, path_m: Float64, width_m: float) -> bool:
-        """Takes the strip along a path (K, 3) if it is free."""
+        """Occupy the strip along a path (K, 3) if it is free; return whether it was."""
         return self._take(shapely.LineString(path_m[:, :2]).buffer(width_m / 2, cap_style="flat"))
 
     def _take(self, footprint: shapely.Polygon) -> bool:

@@ -1,4 +1,4 @@
-"""People on foot: how far they step, and what they carry."""
+"""Meshes of pedestrians, in any phase of a stride and with what they carry, and of riders."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, ellipsoid
 
 
 def walking(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-    """Somebody who walks with free hands; `pose` in [0, 1] is how far through a stride."""
+    """A pedestrian with free hands; `pose` in [0, 1] is the phase of the stride."""
     return merge(_person(height_m, pose))
 
 
 def with_backpack(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-    """Somebody with a pack on the back."""
+    """A pedestrian with a backpack."""
     pack = box_mesh((0.22, 0.34, 0.27 * height_m), "cloth_dark").moved(-0.24, 0, 0.56 * height_m)
     return merge([*_person(height_m, pose), pack])
 
 
 def with_suitcase(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-    """Somebody who draws a case on wheels."""
+    """A pedestrian who pulls a wheeled suitcase."""
     case = box_mesh((0.25, 0.4, 0.6), "plastic").moved(-0.62, -0.2, 0.05)
     handle = tube((-0.62, -0.2, 0.6), (-0.1, -0.25, 0.47 * height_m), 0.015, "frame", 4)
     return merge([*_person(height_m, pose), case, handle])
 
 
 def with_umbrella(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-    """Somebody under an umbrella; `height_m` is that of its tip."""
+    """A pedestrian under an umbrella; `height_m` is the height of its tip."""
     tall_m = 0.84 * height_m
     stick = tube((0.15, 0.2, 0.6 * tall_m), (0.05, 0, height_m), 0.012, "frame", 4)
     angle = 2 * np.pi * np.arange(10) / 10
@@ -64,7 +64,7 @@ def _person(height_m: float, pose: float, raised: int = 0) -> list[Mesh]:
 
 
 def riding(seat_m: float, height_m: float, lean_m: float, reach_m: float, pose: float) -> list[Mesh]:
-    """Somebody who sits on two wheels: feet on the pedals, hands at the bar `reach_m` ahead."""
+    """A rider of a two-wheeler: feet on the pedals, hands on the handlebar `reach_m` ahead."""
     shoulder = height_m - 0.36
     parts = []
     for side in (-1, 1):

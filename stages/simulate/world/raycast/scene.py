@@ -1,4 +1,4 @@
-"""Rays cast into one mesh; window panes let them go on."""
+"""Ray casting into one mesh; window panes let rays pass."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh
 Float32 = npt.NDArray[np.float32]
 
 MAX_PANES = 4
-"""Panes of one mesh that a ray passes; behind the last one its light is lost."""
+"""Most panes of one mesh that a ray passes; behind the last one, it has no return."""
 
 SPECULAR_COS = np.float32(np.cos(np.deg2rad(5.0)))
-"""A pane shows itself only to rays this close to its normal: it mirrors, so that at any other angle the
-light goes elsewhere (Foster, Sun, Park, Kuipers: VisAGGE, ICRA 2013)."""
+"""A pane returns only rays this close to its normal: its reflection is specular, so at any other angle it
+reflects the light away from the sensor (Foster, Sun, Park, Kuipers: VisAGGE, ICRA 2013)."""
 
 STEP_M = np.float32(1e-3)
 
 
 @dataclass(frozen=True)
 class MaterialHits(Hits):
-    """Hits, and what they are of: materials (R,) uint8, as in `materials.py`.
+    """Hits with their materials (R,) uint8, as in `materials.py`.
 
-    objects: index into the moving road users; -1 the static world; -2 - k parked car k.
+    objects: index into the moving road users; -1 for the static world, -2 - k for parked car k.
     """
 
     materials: npt.NDArray[np.uint8]
@@ -42,7 +42,7 @@ class MaterialHits(Hits):
         objects: npt.NDArray[np.int32],
         occlusion: Float32,
     ) -> MaterialHits:
-        """With what the materials of these returns do to light."""
+        """Hits with the reflectivity and retroreflectivity of the returns' materials."""
         materials = returns.materials
         return cls(
             range_m,
@@ -64,19 +64,21 @@ class PanePassages:
     range_m: Float32
     transmittance: Float32
 
-    def before(self, range_m: Float32, into: Float32, rays: npt.NDArray[np.int64] | None = None) -> None:
-        """Multiplies into `into` (R,) what the panes nearer than `range_m` (R,) leave of the light.
+    def attenuate(
+        self, range_m: Float32, transmission: Float32, rays: npt.NDArray[np.int64] | None = None
+    ) -> None:
+        """Multiply `transmission` (R,) by the transmittance of the panes nearer than `range_m` (R,).
 
-        `rays`, where given, says which of the R rays each ray of these panes is.
+        rays: if given, the index among the R rays of each ray of these panes.
         """
-        of = self.rays if rays is None else rays[self.rays]
-        near = self.range_m < range_m[of]
-        np.multiply.at(into, of[near], self.transmittance[near])
+        ray_of_pane = self.rays if rays is None else rays[self.rays]
+        near = self.range_m < range_m[ray_of_pane]
+        np.multiply.at(transmission, ray_of_pane[near], self.transmittance[near])
 
 
 @dataclass(frozen=True)
 class Returns:
-    """What one mesh sends back to R rays, panes apart; columns as in `MaterialHits`."""
+    """The returns of R rays from one mesh, apart from panes they pass; columns as in `MaterialHits`."""
 
     range_m: Float32
     cos_incidence: Float32
@@ -85,13 +87,13 @@ class Returns:
 
 
 class Scene:
-    """A mesh, ready to be cast into.
+    """A mesh, ready for ray casting.
 
-    `parts` (T,), where given, divides the triangles among parts that do not see each other.
+    `parts` (T,), if given, assigns each triangle to a part; a ray hits triangles of its own part only.
     """
 
     def __init__(self, mesh: Mesh, parts: npt.NDArray[np.int32] | None = None) -> None:
-        # One more triangle than there are: that of the rays that meet nothing.
+        # The last entry, beyond the triangles, is for rays that hit nothing.
         self._materials = np.append(mesh.materials, np.uint8(0))
         self._parts = None if parts is None else np.append(parts, np.int32(-1))
         self._scene = o3d.t.geometry.RaycastingScene()
@@ -102,15 +104,15 @@ class Scene:
             )
 
     def cast(self, rays: Float32) -> MaterialHits:
-        """Casts rays (R, 6): origin, unit direction."""
+        """Cast rays (R, 6): origin in metres, unit direction."""
         returns = self.returns(rays)
         transmission = np.ones(len(rays), np.float32)
-        returns.panes.before(returns.range_m, transmission)
+        returns.panes.attenuate(returns.range_m, transmission)
         objects = np.full(len(rays), -1, np.int32)
         return MaterialHits.of(returns, returns.range_m, transmission, objects, np.zeros(0, np.float32))
 
     def returns(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> Returns:
-        """Casts rays (R, 6), each into its own part (R,) where given."""
+        """Cast rays (R, 6), each into its own part (R,) if given."""
         range_m, cos, materials = self._first(rays, parts)
         through = _open_panes(range_m, cos, materials)
         passed: list[tuple[npt.NDArray[np.int64], Float32, Float32]] = []
@@ -140,16 +142,18 @@ class Scene:
                 np.zeros(count, np.float32),
                 np.zeros(count, np.uint8),
             )
-        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
-        range_m: Float32 = answer["t_hit"].numpy()
-        triangles = answer["primitive_ids"].numpy().view(np.int32)  # -1, the last one, where nothing was met
+        result = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
+        range_m: Float32 = result["t_hit"].numpy()
+        triangles = (
+            result["primitive_ids"].numpy().view(np.int32)
+        )  # -1, the last entry, where nothing was hit
         if parts is not None and self._parts is not None:
             range_m[self._parts[triangles] != parts] = np.inf
-        cos: Float32 = np.abs(np.einsum("ij,ij->i", answer["primitive_normals"].numpy(), rays[:, 3:]))
+        cos: Float32 = np.abs(np.einsum("ij,ij->i", result["primitive_normals"].numpy(), rays[:, 3:]))
         return range_m, np.minimum(cos, np.float32(1)), self._materials[triangles]
 
 
 def _open_panes(range_m: Float32, cos: Float32, materials: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
-    """Which rays met a pane that lets them pass."""
+    """Indices of the rays that hit a pane and pass it."""
     glass = TRANSMITTANCE[materials] > 0
     return np.flatnonzero(glass & (cos < SPECULAR_COS) & np.isfinite(range_m))

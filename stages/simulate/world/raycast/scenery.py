@@ -1,4 +1,4 @@
-"""What stands beside the roads, drawn from the seed: parked cars, furniture, trees and buildings."""
+"""Roadside scenery drawn from the seed: parked cars, street furniture, trees and buildings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Plot:
     yaw_rad: float
 
     def at(self, offset_m: float, z_m: float = 0.0, turn_rad: float = 0.0, pitch_rad: float = 0.0) -> Float64:
-        """The pose `offset_m` outward from the kerb, looking along the road."""
+        """The pose (4, 4), heading along the road, `offset_m` outward from the kerb."""
         outward = np.array([np.sin(self.yaw_rad), -np.cos(self.yaw_rad), 0.0])
         return se3_from_yaw(
             self.kerb_m + offset_m * outward + (0, 0, z_m), self.yaw_rad + turn_rad, pitch_rad
@@ -51,7 +51,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class _RoadsideObject:
-    """A mesh in the frame of its plot, the ground that it takes, and how far from the kerb it stands."""
+    """A mesh in the frame of its plot, the ground area that it occupies, and its distance to the kerb."""
 
     mesh: Mesh
     length_m: float
@@ -89,7 +89,7 @@ def park_cars(
 ) -> list[RoadUser]:
     """Cars in bays along the kerb, a few facing the wrong way or a little askew.
 
-    They stand still, and belong to the ground truth.
+    They never move, and are part of the ground truth.
     """
     parked: list[RoadUser] = []
     for plot, slope in _plots(roads.kerbs_m, scenario.traffic.parked_per_km, rng):
@@ -108,7 +108,10 @@ def park_cars(
 def build_scenery(
     scenario: Scenario, network: RoadNetwork, roads: Roads, occupied: Occupied, rng: np.random.Generator
 ) -> tuple[Mesh, list[shapely.Polygon]]:
-    """Furniture, trees and buildings, and the user's own objects; the footprints of the buildings."""
+    """Street furniture, trees, buildings and the user's objects as one mesh; footprints of the buildings.
+
+    Raises AdvpipeError for an unusable mesh of the user.
+    """
     environment = scenario.environment
     streets: list[tuple[float, Draw]] = [
         (0.55 * environment.poles_per_km, _lamp_post),
@@ -124,19 +127,19 @@ def build_scenery(
     meshes = [_object(index, given, roads) for index, given in enumerate(environment.objects)]
     meshes += _signals(network, occupied, rng)
     footprints: list[shapely.Polygon] = []
-    for lines, kinds in ((roads.kerbs_m, streets), (roads.verges_m, fast)):
-        for per_km, draw in kinds:
+    for lines, densities in ((roads.kerbs_m, streets), (roads.verges_m, fast)):
+        for per_km, draw in densities:
             for plot, _ in _plots(lines, per_km, rng):
-                thing = draw(rng)
-                pose = plot.at(thing.offset_m, 0.0, thing.turn_rad)
-                if thing.offset_m > WALKWAY_OFFSET_M and not roads.is_flat:
+                item = draw(rng)
+                pose = plot.at(item.offset_m, 0.0, item.turn_rad)
+                if item.offset_m > WALKWAY_OFFSET_M and not roads.is_flat:
                     pose[2, 3] = terrain_at(pose[None, :2, 3], roads)[0]
-                elif thing.offset_m < BESIDE_WALKWAY_M[0] and lines is roads.kerbs_m:
+                elif item.offset_m < BESIDE_WALKWAY_M[0] and lines is roads.kerbs_m:
                     pose[2, 3] += KERB_M
-                if occupied.take(pose, thing.length_m, thing.width_m):
-                    meshes.append(thing.mesh.transformed(pose))
+                if occupied.take(pose, item.length_m, item.width_m):
+                    meshes.append(item.mesh.transformed(pose))
                     if draw is _building:
-                        footprints.append(footprint(pose, thing.length_m, thing.width_m))
+                        footprints.append(footprint(pose, item.length_m, item.width_m))
     return merge(meshes), footprints
 
 
@@ -166,8 +169,7 @@ def _lamp_post(rng: np.random.Generator) -> _RoadsideObject:
 
 
 def _sign(rng: np.random.Generator) -> _RoadsideObject:
-    kind = rng.random()
-    if kind < 0.15:
+    if rng.random() < 0.15:
         return _RoadsideObject(furniture.bollard(rng), 0.3, 0.3, 0.5)
     return _RoadsideObject(furniture.traffic_sign(rng), 0.6, 1.0, POLE_OFFSET_M, rng.normal(0.0, 0.08))
 
@@ -179,34 +181,34 @@ def _roadside_post(rng: np.random.Generator) -> _RoadsideObject:
 
 
 def _tree(rng: np.random.Generator) -> _RoadsideObject:
-    kind = (trees.round_tree, trees.round_tree, trees.conifer, trees.columnar_tree)[int(rng.integers(4))]
-    return _RoadsideObject(kind(rng), 1.6, 1.6, rng.uniform(*TREE_OFFSET_M))
+    build = (trees.round_tree, trees.round_tree, trees.conifer, trees.columnar_tree)[int(rng.integers(4))]
+    return _RoadsideObject(build(rng), 1.6, 1.6, rng.uniform(*TREE_OFFSET_M))
 
 
 def _far_tree(rng: np.random.Generator) -> _RoadsideObject:
-    thing = _tree(rng) if rng.random() < 0.6 else _RoadsideObject(trees.bush(rng), 1.5, 1.5, 0.0)
-    return _RoadsideObject(thing.mesh, thing.length_m, thing.width_m, rng.uniform(*FAR_OFFSET_M))
+    item = _tree(rng) if rng.random() < 0.6 else _RoadsideObject(trees.bush(rng), 1.5, 1.5, 0.0)
+    return _RoadsideObject(item.mesh, item.length_m, item.width_m, rng.uniform(*FAR_OFFSET_M))
 
 
 def _clutter(rng: np.random.Generator) -> _RoadsideObject:
     """Hedges, bushes, fences, walls, bins, containers and shelters behind the walkway."""
-    kind = int(rng.choice(7, p=(0.2, 0.2, 0.15, 0.12, 0.13, 0.15, 0.05)))
+    choice = int(rng.choice(7, p=(0.2, 0.2, 0.15, 0.12, 0.13, 0.15, 0.05)))
     offset_m, turn_rad = rng.uniform(*BESIDE_WALKWAY_M), rng.normal(0, 0.15)
     long_m = rng.uniform(3.0, 14.0)
-    if kind == 0:
+    if choice == 0:
         width_m, long_m = rng.uniform(0.6, 1.1), min(long_m, 6.0)
         mesh = trees.hedge(long_m, width_m, rng.uniform(0.8, 1.9), rng)
         return _RoadsideObject(mesh, long_m, width_m, offset_m, 0.2 * turn_rad)
-    if kind == 1:
+    if choice == 1:
         return _RoadsideObject(trees.bush(rng), 2.0, 2.0, offset_m)
-    if kind == 2:
+    if choice == 2:
         return _RoadsideObject(furniture.fence(long_m, rng), long_m, 0.3, offset_m, 0.2 * turn_rad)
-    if kind == 3:
+    if choice == 3:
         mesh = box_mesh((long_m, 0.25, rng.uniform(0.6, 1.6)), "masonry")
         return _RoadsideObject(mesh, long_m, 0.25, offset_m, 0.2 * turn_rad)
-    if kind == 4:
+    if choice == 4:
         return _RoadsideObject(furniture.litter_bin(rng), 1.3, 0.8, offset_m, turn_rad)
-    if kind == 5:
+    if choice == 5:
         mesh = furniture.container(rng)
         size = np.ptp(mesh.vertices_m, axis=0)
         return _RoadsideObject(mesh, float(size[0]), float(size[1]), offset_m, turn_rad)

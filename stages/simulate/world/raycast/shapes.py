@@ -44,7 +44,7 @@ def quad(corners_m: npt.ArrayLike, material: str) -> Mesh:
 
 
 def wheel(x_m: float, y_m: float, radius_m: float, tread_m: float, sides: int = 12) -> Mesh:
-    """A tyre on the ground with its rim, of which the outer side is at `y_m`."""
+    """A tyre on the ground with its rim; its outer side is at `y_m`."""
     angle = 2 * np.pi * np.arange(sides) / sides
     circle = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
     hub = np.array([x_m, y_m, radius_m])

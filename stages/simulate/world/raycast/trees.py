@@ -9,9 +9,9 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge, surface, tub
 
 CLUSTERS = 225
 LEAF_SHARE = 0.28
-"""Side of a leaf cluster, a triangle, as a share of the crown's radius r. A sheet turned at random shows
-half its area, so that `CLUSTERS` of them spread over pi r^2 let exp(-n sqrt(3) s^2 / 8 pi), some 30 %,
-of the light through."""
+"""Side of a leaf cluster, a triangle, as a share of the crown's radius r. A randomly oriented sheet has
+half its area in projection, so that `CLUSTERS` of them spread over pi r^2 let exp(-n sqrt(3) s^2 / 8 pi),
+some 30 %, of the light through."""
 
 
 def round_tree(rng: np.random.Generator) -> Mesh:
@@ -76,7 +76,7 @@ def _ball(rng: np.random.Generator, count: int) -> Float64:
 
 
 def _clusters(middles_m: Float64, side_m: float, material: str, rng: np.random.Generator) -> Mesh:
-    """Equilateral triangles of this side around the middles (N, 3), turned at random."""
+    """Equilateral triangles of this side around the middles (N, 3), randomly oriented."""
     count = len(middles_m)
     normal = rng.normal(size=(count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Meshes of the user's, of one material."""
+"""User-supplied meshes, each of one material."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh
 def load_mesh(path: str, key: str, material: str, scale: float) -> Mesh:
     """The mesh in base_link: x forward, the origin on the ground below its box's centre.
 
-    `key` is the place in the scenario that an error names. `scale`: metres for each unit of the mesh.
-    Raises AdvpipeError for an unknown material, a file that is none, holds no mesh, or a mesh that nobody
-    could meet.
+    key: the place in the scenario, for error messages. scale: metres per unit of the mesh.
+    Raises AdvpipeError for an unknown material, a missing file, a file without a mesh, or a mesh of an
+    impossible size.
     """
     if material not in MATERIAL_ID:
         known = ", ".join(sorted(MATERIAL_ID))
-        raise AdvpipeError(f"{key}.material: {material!r} is no material; known: {known}")
+        raise AdvpipeError(f"{key}.material: {material!r} is not a known material; known: {known}")
     vertices_m, triangles = read_mesh_file(path, key, scale)
     return Mesh(vertices_m, triangles, np.full(len(triangles), MATERIAL_ID[material], np.uint8))

@@ -1,4 +1,4 @@
-"""Which rays may meet which boxes: angular windows, so that few rays are cast at each road user."""
+"""Which rays may hit which boxes, by angular windows, so that few rays are cast at each road user."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
 
 BINS = 65535
-"""Bearings are sorted in so many steps to the full circle."""
+"""Number of bearing bins in a full circle."""
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 
 
 class BearingWindow(NamedTuple):
-    """Bearings [first, last] in bins, may reach beyond the circle's ends; slopes dz/dxy [low, high]."""
+    """Bearings [first, last] in bins, which may lie beyond [0, `BINS`]; slopes dz/dxy [low, high]."""
 
     first: Float64
     last: Float64
@@ -28,19 +28,19 @@ class BearingWindow(NamedTuple):
 
 
 def _bearing(x: Any, y: Any) -> Any:
-    """Grows with the angle of (x, y) as atan2 does, from -2 to 2, and costs a division only."""
+    """Increases with the angle of (x, y) as atan2 does, from -2 to 2, at the cost of one division."""
     return np.copysign(1 - x / np.maximum(np.abs(x) + np.abs(y), np.float32(1e-9)), y)
 
 
 def _bin_of(angle_rad: Float64) -> Float64:
-    """The bin, with a fraction, of an angle; one turn on it is `BINS` more."""
+    """The fractional bin of an angle; each full turn adds `BINS`."""
     turns = np.floor((angle_rad + np.pi) / (2 * np.pi))
     bins: Float64 = (_bearing(np.cos(angle_rad), np.sin(angle_rad)) + 2 + 4 * turns) * BINS / 4
     return bins
 
 
-class Windows:
-    """Rays (R, 6) sorted by their bearing; they start near one another."""
+class SortedRays:
+    """Rays (R, 6) with nearly the same origin, sorted by their bearing."""
 
     def __init__(self, rays: Float32) -> None:
         columns = np.ascontiguousarray(rays.T)
@@ -55,12 +55,12 @@ class Windows:
         self._slopes = slopes[self._order]
 
     def pairs(self, map_SE3_box: Float64, half_m: Float64) -> tuple[Int64, Int64]:
-        """Ray and box indices (N,) of all rays that may meet a box: every ray that does is among them.
+        """Ray and box indices (N,) of all rays that may hit a box, a superset of those that do.
 
         map_SE3_box: (B, 4, 4), the frame at each box's centre. half_m: (B, 3), half of each side.
         """
         window = self._window(map_SE3_box, half_m)
-        # A window over the end of the circle is cut in two; the second half of most is empty.
+        # A window across the end of the circle is split in two; most windows have an empty second half.
         shift = np.where(window.first < 0, BINS, np.where(window.last > BINS, -BINS, 2 * BINS))
         first = np.concatenate([window.first, window.first + shift]).clip(0, BINS + 1)
         last = np.concatenate([window.last, window.last + shift]).clip(-1, BINS)
@@ -79,7 +79,7 @@ class Windows:
         rotation, centre = map_SE3_box[:, :3, :3], map_SE3_box[:, :3, 3] - self._origin_m
         corners = centre[:, None] + np.einsum("bij,bcj->bci", rotation, _CORNERS * half_m[:, None])
         beyond = np.maximum(np.abs(np.einsum("bji,bj->bi", rotation, centre))[:, :2] - half_m[:, :2], 0)
-        # Tilted boxes lean a little nearer than their floor plan.
+        # Tilted boxes reach a little beyond their floor plan.
         lean_m = np.abs(rotation[:, :2, 2]).sum(axis=1) * half_m.sum(axis=1)
         nearest_m = np.linalg.norm(beyond, axis=1) - self._spread_m - lean_m
         around = nearest_m < 0.1

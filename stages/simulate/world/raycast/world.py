@@ -1,4 +1,4 @@
-"""The world by ray casting: a static scene, and the road users in it."""
+"""A world for ray casting: a static scene, and the road users in it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
 from advpipe.stages.simulate.world.raycast.barriers import build_barriers
 from advpipe.stages.simulate.world.raycast.body_meshes import body_meshes
 from advpipe.stages.simulate.world.raycast.ground import build_ground
-from advpipe.stages.simulate.world.raycast.instanced_bodies import Contacts, InstancedBodies
+from advpipe.stages.simulate.world.raycast.instanced_bodies import CandidateHits, InstancedBodies
 from advpipe.stages.simulate.world.raycast.markings import build_markings
 from advpipe.stages.simulate.world.raycast.mesh import merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
@@ -28,13 +28,13 @@ from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, R
 from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
 
 NEAR_M = 10.0
-"""A parked car counts as near a little beyond the range: it is longer than a point."""
+"""Margin on the range of parked cars, whose bodies extend beyond their position."""
 
 
 class RaycastWorld:
-    """See `World`: the static world of a scenario, and the bodies of all who may come into it.
+    """See `World`: the static world of a scenario, and the bodies of all possible road users.
 
-    parked: cars that never move. Raises AdvpipeError for a mesh of the user's that cannot be used.
+    parked: cars that never move. Raises AdvpipeError for an unusable mesh of the user.
     """
 
     def __init__(self, scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> None:
@@ -43,50 +43,50 @@ class RaycastWorld:
         self.roads: Roads = lay_out_roads(network)
         occupied = Occupied(self.roads)
 
-        def chance(use: str) -> np.random.Generator:
+        def generator(use: str) -> np.random.Generator:
             return named_generator(seed, "world", use)
 
-        self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, chance("parked"))
-        scenery, footprints = build_scenery(scenario, network, self.roads, occupied, chance("scenery"))
+        self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, generator("parked"))
+        scenery, footprints = build_scenery(scenario, network, self.roads, occupied, generator("scenery"))
         self.footprints: list[shapely.Polygon] = footprints
         static = [
-            build_ground(network, self.roads, chance("ground")),
-            *build_markings(network, chance("markings")),
+            build_ground(network, self.roads, generator("ground")),
+            *build_markings(network, generator("markings")),
             scenery,
-            *build_barriers(scenario.environment.barriers, self.roads, occupied, chance("barriers")),
+            *build_barriers(scenario.environment.barriers, self.roads, occupied, generator("barriers")),
         ]
         self._static = Scene(merge(static))
         self._bodies = InstancedBodies(variants, body_meshes(variants, scenario.bodies))
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
-    def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> SurroundingsOf:
-        return SurroundingsOf(self, carrier, users)
+    def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> RaycastSurroundings:
+        return RaycastSurroundings(self, carrier, users)
 
     def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> MaterialHits:
-        """Casts rays (R, 6) in the map's frame into the world as it is with these road users in it.
+        """Cast rays (R, 6) in the map's frame into the static world with these road users.
 
-        The rays start near one another, as those of one turn of one sensor do. Parked cars that are
-        farther away than `range_m` are left out.
+        The rays start near one another, as those of one revolution of a sensor do. Parked cars farther away
+        than `range_m` are left out.
         """
         static = self._static.returns(rays)
         away_m = np.linalg.norm(self._parked_m - rays[0, :3], axis=1)
         near = np.flatnonzero(away_m <= range_m + NEAR_M)
         ids = np.concatenate([np.arange(len(users)), -2 - near]).astype(np.int32)
-        everyone = [*users, *(self.parked[index] for index in near)]
+        road_users = [*users, *(self.parked[index] for index in near)]
         occlusion = np.zeros(len(users) + len(self.parked), np.float32)
-        contacts = self._bodies.contacts(rays, everyone)
-        hits = _merged(static, contacts, ids, occlusion)
-        met = np.isfinite(contacts.returns.range_m)
-        alone = np.bincount(contacts.users[met], minlength=len(everyone))
-        seen = contacts.returns.range_m == hits.range_m[contacts.rays]
-        visible = np.bincount(contacts.users[met & seen], minlength=len(everyone))
+        candidates = self._bodies.candidate_hits(rays, road_users)
+        hits = _merged(static, candidates, ids, occlusion)
+        hit = np.isfinite(candidates.returns.range_m)
+        alone = np.bincount(candidates.users[hit], minlength=len(road_users))
+        seen = candidates.returns.range_m == hits.range_m[candidates.rays]
+        visible = np.bincount(candidates.users[hit & seen], minlength=len(road_users))
         slots = np.concatenate([np.arange(len(users)), len(users) + near])
         occlusion[slots] = np.where(alone > 0, 1 - visible / np.maximum(alone, 1), 0.0)
         return hits
 
 
-class SurroundingsOf:
-    """See `Surroundings`: a world around one vehicle, with these road users in it."""
+class RaycastSurroundings:
+    """See `Surroundings`: the world around one vehicle, with these road users."""
 
     def __init__(self, world: RaycastWorld, carrier: RoadUser, users: Sequence[RoadUser]) -> None:
         self._world, self._carrier, self._users = world, carrier, users
@@ -100,14 +100,14 @@ class SurroundingsOf:
         moving, parked = self._within(range_m)
         hits = self._world.cast(rays, moving, range_m)
         slots = np.concatenate([np.arange(len(moving)), len(moving) + parked])
-        # Where parked car k is among the road users, at 2 + k; beyond the range it is anything else.
+        # place[2 + k] is the index of parked car k among the road users; -1 beyond the range.
         place = np.full(2 + len(self._world.parked), -1, np.int32)
         place[2 + parked] = len(moving) + np.arange(len(parked))
         objects = np.where(hits.objects < -1, place[np.maximum(-hits.objects, 0)], hits.objects)
         return replace(hits, objects=objects, occlusion=hits.occlusion[slots])
 
     def _within(self, range_m: float) -> tuple[list[RoadUser], npt.NDArray[np.int64]]:
-        """Those who move, and the indices of the parked cars."""
+        """The moving road users within the range, and the indices of the parked cars within it."""
         if range_m not in self._near:
             moving = [self._users[index] for index in within(self._users, self._carrier, range_m)]
             self._near[range_m] = moving, within(self._world.parked, self._carrier, range_m)
@@ -115,7 +115,7 @@ class SurroundingsOf:
 
 
 def within(users: Sequence[RoadUser], carrier: RoadUser, range_m: float) -> npt.NDArray[np.int64]:
-    """Indices of those whose place is at most `range_m` from the carrier's, without itself."""
+    """Indices (K,) of the users within `range_m` of the carrier, without the carrier itself."""
     places = np.array([user.position_m for user in users]).reshape(-1, 3)
     near = np.linalg.norm(places - carrier.position_m, axis=1) <= range_m
     near &= np.array([user.id != carrier.id for user in users], dtype=bool)
@@ -123,18 +123,18 @@ def within(users: Sequence[RoadUser], carrier: RoadUser, range_m: float) -> npt.
 
 
 def _merged(
-    static: Returns, contacts: Contacts, ids: npt.NDArray[np.int32], occlusion: Float32
+    static: Returns, candidates: CandidateHits, ids: npt.NDArray[np.int32], occlusion: Float32
 ) -> MaterialHits:
-    """The nearest of what each ray met, and the light that the panes before it leave."""
-    returns, rays = contacts.returns, contacts.rays
+    """The nearest return of each ray, attenuated by the panes before it."""
+    returns, rays = candidates.returns, candidates.rays
     range_m, cos, materials = static.range_m.copy(), static.cos_incidence, static.materials
     np.minimum.at(range_m, rays, returns.range_m)
     first = np.flatnonzero((returns.range_m == range_m[rays]) & (returns.range_m < static.range_m[rays]))
     objects = np.full(len(range_m), -1, np.int32)
-    objects[rays[first]] = ids[contacts.users[first]]
+    objects[rays[first]] = ids[candidates.users[first]]
     cos[rays[first]] = returns.cos_incidence[first]
     materials[rays[first]] = returns.materials[first]
     transmission = np.ones(len(range_m), np.float32)
-    static.panes.before(range_m, transmission)
-    returns.panes.before(range_m, transmission, rays)
+    static.panes.attenuate(range_m, transmission)
+    returns.panes.attenuate(range_m, transmission, rays)
     return MaterialHits.of(static, range_m, transmission, objects, occlusion)

@@ -1,4 +1,4 @@
-"""Anchors: places, box codes, and which anchor learns which box."""
+"""Anchors: positions, box codes, and the assignment of boxes to anchors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def targets(*boxes, labels, ignored=None):
     return GRID.assign(torch.tensor(boxes).reshape(-1, 7), torch.tensor(labels, dtype=torch.int64), mask)
 
 
-def test_anchors_stand_at_the_centres_of_cells():
+def test_anchors_are_at_the_centres_of_cells():
     assert GRID.per_cell == 12
     boxes = GRID.boxes(torch.tensor([0, 13, 128 * 12 + 2]))
     expected = [
@@ -30,7 +30,7 @@ def test_anchors_stand_at_the_centres_of_cells():
     torch.testing.assert_close(boxes, torch.tensor(expected))
 
 
-def test_a_car_on_a_cell_is_learned_by_that_cells_anchor():
+def test_a_car_at_a_cells_centre_is_assigned_to_its_anchor():
     found = targets(CAR, labels=[0])
     places = GRID.boxes(found.positive)
     # Shifted by one cell (0.8 m) along: IoU 3.7 / 5.3 = .70, two cells 2.9 / 6.1 = .48;
@@ -44,17 +44,17 @@ def test_a_car_on_a_cell_is_learned_by_that_cells_anchor():
 
 
 @pytest.mark.parametrize("yaw", [pi / 2, -pi / 2, 3 * pi / 2])
-def test_a_car_across_is_learned_by_the_turned_anchor(yaw):
+def test_a_car_across_is_assigned_to_the_rotated_anchor(yaw):
     found = targets([*CAR[:6], yaw], labels=[0])
     assert GRID.boxes(found.positive)[:, 6].tolist() == pytest.approx([pi / 2] * 3)
 
 
-def test_a_box_that_fits_no_anchor_still_teaches_its_best():
+def test_a_box_that_fits_no_anchor_is_assigned_to_its_best():
     found = targets([0.0, 0.0, -1.0, 1.0, 0.4, 1.0, 0.0], labels=[0])
     assert len(found.positive) >= 1
 
 
-def test_an_ignored_box_teaches_nothing_and_is_no_background():
+def test_anchors_of_an_ignored_box_are_neither_positive_nor_background():
     found = targets(CAR, labels=[0], ignored=[True])
     assert len(found.positive) == 0
     assert len(found.ignored) == 5
@@ -66,7 +66,7 @@ def test_each_class_has_its_own_anchors():
     assert torch.equal(GRID.labels[found.positive % 12], found.labels)
 
 
-def test_boxes_out_of_range_and_no_boxes():
+def test_boxes_out_of_range_give_no_targets():
     for found in (targets([60.0, *CAR[1:]], labels=[0]), targets(labels=[])):
         assert len(found.positive) == len(found.ignored) == 0
 
@@ -80,7 +80,7 @@ def test_decode_inverts_encode():
     )
 
 
-def test_code_by_hand():
+def test_the_code_equals_one_computed_by_hand():
     anchor = torch.tensor([[0.0, 0.0, 0.0, 4.0, 3.0, 2.0, 0.0]])
     box = torch.tensor([[5.0, 10.0, 1.0, 4.0, 3.0, 2.0 * 2.718281828, 0.5]])
     torch.testing.assert_close(encode_boxes(box, anchor), torch.tensor([[1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.5]]))

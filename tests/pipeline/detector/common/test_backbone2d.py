@@ -13,7 +13,7 @@ from advpipe.pipeline.detector.second.presets import SMALL
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("stride", [1, 2, 4])
-def test_upsample_is_a_transposed_convolution(stride):
+def test_upsample_equals_a_transposed_convolution(stride):
     torch.manual_seed(0)
     layer = Upsample(6, 5, stride, stride, bias=False)
     x = torch.randn(2, 6, 7, 3).to(memory_format=torch.channels_last)
@@ -21,7 +21,7 @@ def test_upsample_is_a_transposed_convolution(stride):
 
 
 @pytest.mark.oracle
-def test_head_is_a_convolution():
+def test_the_head_equals_a_convolution():
     torch.manual_seed(0)
     head = Head(SMALL, 12)
     x = torch.randn(2, 12, 4, 5)
@@ -34,7 +34,7 @@ def test_head_is_a_convolution():
     torch.testing.assert_close(out.qualities, qualities.reshape(2, 240))
 
 
-def test_map_keeps_its_size():
+def test_the_map_keeps_its_size():
     net = Backbone2d(SMALL.bev, 64).eval()
     assert net(torch.zeros(1, 64, 16, 24)).shape == (1, 256, 16, 24)
     assert net.out_channels == 256

@@ -35,7 +35,7 @@ def predictions(boxes, labels, scores):
     return out
 
 
-def test_boxes_come_back_once_each_best_first():
+def test_each_box_is_returned_once_best_first():
     boxes = torch.tensor(
         [
             [10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3],
@@ -53,13 +53,13 @@ def test_boxes_come_back_once_each_best_first():
     np.testing.assert_allclose(found.boxes, expected, atol=1e-4)
 
 
-def test_no_detection_under_the_threshold():
+def test_no_detection_scores_below_the_threshold():
     box = torch.tensor([[10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3]])
     assert len(decode_detections(predictions(box, torch.tensor([0]), [0.09]), 0, GRID)) == 0
 
 
 @pytest.mark.parametrize("by_class", [True, False])
-def test_an_object_of_two_likely_classes_is_found_as_both_or_as_the_likelier(by_class):
+def test_an_object_of_two_likely_classes_is_returned_as_both_or_as_the_likelier(by_class):
     box = torch.tensor([[5.0, 3.0, -1.0, 1.8, 0.7, 1.7, 0.0]])
     out = predictions(box, torch.tensor([2]), [0.4])
     anchors = GRID.assign(box, torch.tensor([2])).positive
@@ -70,7 +70,7 @@ def test_an_object_of_two_likely_classes_is_found_as_both_or_as_the_likelier(by_
     np.testing.assert_allclose(found.boxes, np.repeat(box.numpy(), len(found), axis=0), atol=1e-4)
 
 
-def test_the_better_placed_of_two_boxes_wins_where_the_head_predicts_quality():
+def test_predicted_quality_ranks_the_better_placed_of_two_boxes_first():
     """Class scores 0.9 and 0.8, IoUs 0.5 and 0.9: 0.9 * 0.5 < 0.8 * 0.9; power 2 squares the IoUs."""
     boxes = torch.tensor([[10.0, 0.0, -1.0, 4.2, 1.8, 1.5, 0.3], [10.4, 0.0, -1.0, 4.2, 1.8, 1.5, 0.3]])
     target = GRID.assign(boxes[:1], torch.tensor([0]))
@@ -116,7 +116,7 @@ def test_votes_are_weighted_by_squared_score_within_the_class():
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("limit", [4, 500])
-def test_suppression_by_polygons(limit):
+def test_suppression_agrees_with_polygon_overlaps(limit):
     """What is kept overlaps nothing kept before by more than the limit; what is not kept does (shapely)."""
     rng = np.random.default_rng(2)
     low, high = [-15, -15, -1, 2, 1, 1, -3], [15, 15, 1, 5, 2.5, 2, 3]

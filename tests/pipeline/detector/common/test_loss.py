@@ -15,7 +15,7 @@ from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.geometry.iou import iou_3d
 
 
-def test_focal_loss_term_by_term():
+def test_focal_loss_equals_a_sum_of_its_terms():
     logits = [[-2.0, 0.5], [1.0, -1.0], [0.3, 0.2]]
     target = Targets(torch.tensor([1]), torch.zeros(1, 7), torch.tensor([0]), torch.tensor([2]))
 
@@ -33,7 +33,7 @@ def test_focal_loss_term_by_term():
     assert float(focal_loss(torch.tensor(logits), target)) == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_perfect_prediction_costs_almost_nothing_and_a_half_turn_only_direction():
+def test_a_perfect_prediction_has_almost_no_loss_and_a_half_turn_only_direction_loss():
     grid = AnchorGrid(SMALL, 128, 128)
     box = torch.tensor([[10.3, -7.2, -1.0, 4.2, 1.8, 1.5, 0.3]])
     target = grid.assign(box, torch.tensor([0]))
@@ -57,7 +57,7 @@ def test_a_perfect_prediction_costs_almost_nothing_and_a_half_turn_only_directio
     assert float(turned.direction) == pytest.approx(0.2 * 20, rel=1e-4)
 
 
-def test_smooth_l1_by_hand():
+def test_smooth_l1_equals_values_computed_by_hand():
     grid = AnchorGrid(SMALL, 128, 128)
     box = torch.tensor([[0.4, 0.4, -1.0, 4.5, 1.85, 1.55, 0.0]])
     target = grid.assign(box, torch.tensor([0]))
@@ -70,7 +70,7 @@ def test_smooth_l1_by_hand():
     assert float(parts.box) == pytest.approx(2 * ((1 - 1 / 18) + 0.01 * 4.5), rel=1e-5)
 
 
-def test_the_quality_learns_the_iou_of_the_box_it_judges():
+def test_the_quality_target_is_the_iou_of_the_predicted_box():
     """A box that is 1 m off along its 4 m: IoU 3 / 5; cross entropy of 0.5 with that is log 2."""
     grid = AnchorGrid(SMALL, 128, 128)
     box = torch.tensor([[0.4, 0.4, -1.0, 4.0, 1.8, 1.5, 0.7]])
@@ -80,15 +80,17 @@ def test_the_quality_learns_the_iou_of_the_box_it_judges():
     count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
     codes[0, target.positive] = encode_boxes(target.boxes + along, grid.boxes(target.positive))
-    said = torch.zeros(1, count, requires_grad=True)
+    predicted = torch.zeros(1, count, requires_grad=True)
     nothing = Predictions(torch.zeros(1, count, 4), codes, torch.zeros(1, count, 2))
     assert float(losses(nothing, [target], grid).quality) == 0
-    parts = losses(replace(nothing, qualities=said), [target], grid)
+    parts = losses(replace(nothing, qualities=predicted), [target], grid)
     assert parts.quality.item() == pytest.approx(0.5 * log(2), rel=1e-5)
     parts.quality.backward()
     # The gradient of the cross entropy is what is said less what is true, at every positive anchor.
     slope = 0.5 * (0.5 - 0.6) / len(target.positive)
-    assert said.grad[0, target.positive].tolist() == pytest.approx([slope] * len(target.positive), rel=1e-4)
+    assert predicted.grad[0, target.positive].tolist() == pytest.approx(
+        [slope] * len(target.positive), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize(
@@ -112,5 +114,5 @@ def test_aligned_iou_agrees_with_the_rotated_one(xyz, size, iou):
     ("yaw", "expected"),
     [(pi / 4 + 0.01, 0), (pi, 0), (5 * pi / 4 - 0.01, 0), (0.0, 1), (pi / 4 - 0.01, 1), (-pi / 2, 1)],
 )
-def test_direction_bins(yaw, expected):
+def test_direction_bins_are_halves_of_the_circle(yaw, expected):
     assert direction_bin(torch.tensor([yaw]), pi / 4).tolist() == [expected]

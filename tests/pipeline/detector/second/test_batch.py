@@ -34,7 +34,7 @@ def leaves_of(inputs: list[LossInput]) -> list[LossInput]:
     return [replace(each, points=each.points.clone().requires_grad_()) for each in inputs]
 
 
-def test_it_takes_batches(tiny: Second) -> None:
+def test_second_is_a_batch_detector(tiny: Second) -> None:
     assert isinstance(tiny, BatchDetector)
 
 
@@ -44,7 +44,7 @@ def double(tiny: Second) -> Second:
     return tiny
 
 
-def test_losses_and_gradients_are_those_of_the_clouds_alone(double: Second, scene) -> None:
+def test_losses_and_gradients_equal_those_of_single_clouds(double: Second, scene) -> None:
     batch, alone = leaves_of(inputs_of(scene)), leaves_of(inputs_of(scene))
     found = double.loss_batch(batch)
     gradients = torch.autograd.grad(found, [each.points for each in batch])
@@ -55,7 +55,7 @@ def test_losses_and_gradients_are_those_of_the_clouds_alone(double: Second, scen
     assert [bool(gradient.any()) for gradient in gradients] == [True, True, True, False, False, False, True]
 
 
-def test_occupancies_with_ghosts_are_those_of_the_clouds_alone(double: Second, scene) -> None:
+def test_occupancies_with_probe_points_equal_those_of_single_clouds(double: Second, scene) -> None:
     batch, alone = leaves_of(inputs_of(scene)), leaves_of(inputs_of(scene))
     found = double.occupancy_loss_batch(batch)
     leaves = [leaf for each, (_, held, _) in zip(batch, found, strict=True) for leaf in (each.points, held)]

@@ -1,4 +1,4 @@
-"""SECOND off the CPU: on a pretended second device everywhere, on CUDA where there is one."""
+"""SECOND off the CPU: on an emulated second device everywhere, and on CUDA where available."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def all_of_it(detector: Second, points, boxes, labels) -> list[torch.Tensor]:
 
 
 @pytest.mark.parametrize("limits", [{}, {"points_per_voxel": 2, "max_voxels": 200}])
-def test_a_second_device_gives_the_same_and_no_tensor_is_made_on_the_cpu(tiny, scene, limits, monkeypatch):
+def test_another_device_gives_the_same_results_without_tensors_on_the_cpu(tiny, scene, limits, monkeypatch):
     monkeypatch.setattr(decode, "SCORE_THRESHOLD", 0.01)  # of random weights
     tiny.net.preset = replace(TINY, **limits)
     expected = all_of_it(tiny, *scene)
@@ -80,7 +80,7 @@ def test_a_second_device_gives_the_same_and_no_tensor_is_made_on_the_cpu(tiny, s
         torch.testing.assert_close(result, wanted, rtol=1e-3, atol=1e-4)
 
 
-def test_the_pretended_device_refuses_what_cuda_refuses():
+def test_the_emulated_device_refuses_what_cuda_refuses():
     with FarDevice() as mode:
         far = torch.ones(3, device=FAR)
         with pytest.raises(RuntimeError, match="same device"):
@@ -92,7 +92,7 @@ def test_the_pretended_device_refuses_what_cuda_refuses():
 
 
 @needs_cuda
-def test_cuda_gives_the_same_up_to_rounding(tiny, scene):
+def test_cuda_gives_the_same_results_up_to_rounding(tiny, scene):
     expected = all_of_it(tiny, *scene)
     results = all_of_it(Second(copy.deepcopy(tiny.net).cuda()), *scene)
     for result, wanted in zip(results, expected, strict=True):

@@ -23,11 +23,11 @@ def cloud_of(points: torch.Tensor) -> np.ndarray:
     return cloud
 
 
-def test_small_has_the_parameters_it_says():
+def test_small_has_the_documented_number_of_parameters():
     assert sum(p.numel() for p in SecondNet(SMALL).parameters()) == 1_355_336
 
 
-def test_it_is_a_voxel_detector(tiny):
+def test_second_is_a_voxel_detector(tiny):
     assert isinstance(tiny, VoxelDetector)
 
 
@@ -75,7 +75,7 @@ def test_gradient_steps_lower_the_loss(tiny, scene):
     assert float(tiny.loss(moved, boxes, labels)) < before
 
 
-def test_full_occupancy_is_the_plain_loss(tiny, scene):
+def test_full_occupancy_gives_the_plain_loss(tiny, scene):
     loss, occupancy, point_to_voxel = tiny.occupancy_loss(*scene)
     assert occupancy.is_leaf
     assert (occupancy == 1).all()
@@ -87,7 +87,7 @@ def test_full_occupancy_is_the_plain_loss(tiny, scene):
     assert (gradient != 0).float().mean() > 0.9
 
 
-def test_zero_occupancy_is_removing_the_points(tiny, scene):
+def test_zero_occupancy_equals_removing_the_points(tiny, scene):
     points, boxes, labels = scene
     voxels = tiny._voxels(points)
     count = len(voxels.sites)
@@ -138,7 +138,7 @@ def probes_of(detector, points, count=40):
 
 
 @pytest.mark.parametrize("name", ["tiny", "kitti"])
-def test_ghosts_at_zero_are_not_there_and_at_one_are_points(request, scene, name):
+def test_probe_points_have_no_effect_at_zero_and_are_points_at_one(request, scene, name):
     detector = request.getfixturevalue(name)
     points, boxes, labels = scene
     labels = labels.clamp(max=len(detector.classes) - 1)
@@ -162,7 +162,7 @@ def test_ghosts_at_zero_are_not_there_and_at_one_are_points(request, scene, name
         assert float(detector._loss(voxels, boxes, labels, filled)) == pytest.approx(expected, rel=1e-5)
 
 
-def test_kitti_reads_no_ghost_past_its_voxels(kitti, scene):
+def test_kitti_ignores_probe_points_beyond_its_voxels(kitti, scene):
     probes = probes_of(kitti, scene[0], 400)
     _, occupancy, row_of = kitti.occupancy_loss(scene[0], scene[1], scene[2].clamp(max=2), probes)
     assert len(occupancy) == kitti.preset.max_voxels
@@ -171,7 +171,7 @@ def test_kitti_reads_no_ghost_past_its_voxels(kitti, scene):
 
 
 @pytest.mark.parametrize("name", ["tiny", "kitti"])
-def test_gradient_to_ghosts_matches_finite_differences(request, scene, still_iou, name):
+def test_gradient_to_probe_points_matches_finite_differences(request, scene, still_iou, name):
     detector = request.getfixturevalue(name)
     detector.net.double()
     points, boxes = scene[0].double().requires_grad_(), scene[1].double()
@@ -189,7 +189,7 @@ def test_gradient_to_ghosts_matches_finite_differences(request, scene, still_iou
     torch.testing.assert_close(to_points, plain, rtol=1e-9, atol=1e-15)
 
 
-def test_ghosts_in_occupied_voxels_and_outside_change_nothing(tiny, scene):
+def test_probe_points_in_occupied_voxels_and_out_of_range_change_nothing(tiny, scene):
     probes = torch.cat([scene[0][:50], torch.tensor([[50.0, 0.0, 0.0, 0.0]])])
     plain_loss, plain, plain_rows = tiny.occupancy_loss(*scene)
     loss, occupancy, rows = tiny.occupancy_loss(*scene, probes)
@@ -198,7 +198,7 @@ def test_ghosts_in_occupied_voxels_and_outside_change_nothing(tiny, scene):
     assert rows.tolist() == [*plain_rows.tolist(), *plain_rows[:50].tolist(), -1]
 
 
-def test_voxel_grid_is_what_the_network_reads(tiny, scene):
+def test_the_voxel_grid_equals_the_networks_voxels(tiny, scene):
     grid = tiny.voxel_grid
     keys = grid.keys(grid.cells(scene[0].numpy()))
     rows = tiny.occupancy_loss(*scene)[2].numpy()
@@ -215,7 +215,7 @@ def test_voxel_grid_is_what_the_network_reads(tiny, scene):
     [torch.zeros(0, 4), torch.full((5, 4), 1e6), torch.tensor([[1.0, 2.0, -1.0, 0.3]])],
     ids=["no points", "all out of range", "one point"],
 )
-def test_clouds_with_little_in_them(tiny, scene, points):
+def test_nearly_empty_clouds_are_processed(tiny, scene, points):
     leaf = points.clone().requires_grad_()
     loss = tiny.loss(leaf, *scene[1:])
     (gradient,) = torch.autograd.grad(loss, leaf)
@@ -230,7 +230,7 @@ def test_clouds_with_little_in_them(tiny, scene, points):
     loss.backward()
 
 
-def test_two_million_points(tiny):
+def test_two_million_points_are_processed(tiny):
     rng = np.random.default_rng(1)
     cloud = np.zeros(2_000_000, POINT_DTYPE)
     for name in ("x", "y", "z"):
@@ -243,13 +243,13 @@ def test_two_million_points(tiny):
     assert np.isfinite(found.boxes).all()
 
 
-def test_loss_without_boxes_is_background_only(tiny, scene):
+def test_loss_without_boxes_is_only_background(tiny, scene):
     loss = tiny.loss(scene[0], torch.zeros(0, 7), torch.zeros(0, dtype=torch.int64))
     assert torch.isfinite(loss)
     assert loss > 0
 
 
-def test_points_that_are_not_finite(tiny, scene):
+def test_points_that_are_not_finite_are_ignored_in_detection_and_refused_in_losses(tiny, scene):
     points = scene[0].clone()
     points[3, 1] = float("nan")
     with pytest.raises(AdvpipeError, match="not finite"):
@@ -258,7 +258,7 @@ def test_points_that_are_not_finite(tiny, scene):
     np.testing.assert_array_equal(tiny.detect(cloud_of(points)).boxes, clean.boxes)
 
 
-def test_detection_repeats_exactly(tiny, scene):
+def test_detection_is_reproducible(tiny, scene):
     a, b = (tiny.detect(cloud_of(scene[0])) for _ in range(2))
     assert len(a) > 0
     assert a.boxes.tobytes() == b.boxes.tobytes()

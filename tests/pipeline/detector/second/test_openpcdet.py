@@ -65,7 +65,7 @@ def street(seed: int, count: int = 6000) -> np.ndarray:
 
 
 @pytest.mark.oracle
-def test_imported_weights_compute_what_spconv_computes(tmp_path):
+def test_imported_weights_give_the_results_of_spconv(tmp_path):
     pytest.importorskip("spconv")
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -103,7 +103,7 @@ def test_imported_weights_compute_what_spconv_computes(tmp_path):
         torch.set_num_threads(threads)
 
 
-def test_every_weight_has_one_place():
+def test_every_weight_is_mapped_once():
     state = their_state()
     names = [their for name in SecondNet(KITTI).state_dict() for their in their_names(name)]
     assert sum(not name.endswith("num_batches_tracked") for name in names) == len(
@@ -185,7 +185,7 @@ class Harmful:
         return os.mkdir, (str(self.path),)
 
 
-def test_code_in_a_file_never_runs(tmp_path):
+def test_code_in_a_file_is_never_run(tmp_path):
     trap = tmp_path / "it-ran"
     for number, (write, message) in enumerate(
         [
@@ -202,7 +202,7 @@ def test_code_in_a_file_never_runs(tmp_path):
     assert not trap.exists()
 
 
-def test_files_that_are_no_checkpoint(tmp_path, checkpoint):
+def test_files_that_are_no_checkpoint_are_refused(tmp_path, checkpoint):
     whole = checkpoint.read_bytes()
     old = tmp_path / "old.pth"
     torch.save({"model_state": their_state()}, old, _use_new_zipfile_serialization=False)
@@ -229,7 +229,7 @@ def test_files_that_are_no_checkpoint(tmp_path, checkpoint):
     assert len(import_openpcdet(old)[0].state_dict()) > 100
 
 
-def test_the_command_refuses_before_it_reads(tmp_path, checkpoint):
+def test_the_command_refuses_before_reading_the_file(tmp_path, checkpoint):
     out = tmp_path / "out.safetensors"
     out.write_bytes(b"mine")
     for words, message in [

@@ -21,7 +21,7 @@ def count(module: torch.nn.Module) -> int:
     return sum(p.numel() for p in module.parameters())
 
 
-def test_kitti_has_the_parameters_of_openpcdet():
+def test_kitti_has_as_many_parameters_as_openpcdets_network():
     net = SecondNet(KITTI)
     assert (count(net.backbone3d), count(net.backbone2d), count(net.head)) == (711_872, 4_576_768, 36_936)
     assert count(net) == 5_325_576
@@ -48,7 +48,7 @@ def test_kitti_has_the_numbers_of_second_yaml():
     assert grid.negative_iou.tolist() == pytest.approx([0.45, 0.45, 0.35, 0.35, 0.35, 0.35])
 
 
-def test_residual_code_by_hand():
+def test_residual_code_equals_one_computed_by_hand():
     # Diagonal of the anchor 5 m: a box 1 m ahead of a 4 m x 3 m x 2 m anchor codes as 0.2.
     anchor = torch.tensor([[10.0, 0.0, -1.0, 4.0, 3.0, 2.0, 1.57]])
     box = torch.tensor([[11.0, -2.0, -0.5, 8.0, 3.0, 1.0, 1.0]])
@@ -66,7 +66,7 @@ def test_360_is_kitti_in_size_with_our_classes():
 @pytest.mark.parametrize(
     "name", [name if name == "small" else pytest.param(name, marks=pytest.mark.nightly) for name in PRESETS]
 )
-def test_a_network_of_each_preset_learns(name):
+def test_a_network_of_each_preset_can_be_trained(name):
     """On a range of 128 x 128 voxels, forty steps on one scene at least halve the loss."""
     torch.manual_seed(0)
     preset = PRESETS[name]

@@ -51,14 +51,14 @@ def compare(sites, rules, kernel, stride, padding):
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("seed", range(3))
-def test_submanifold_layer_is_a_dense_convolution_read_at_its_sites(seed):
+def test_a_submanifold_layer_equals_a_dense_convolution_at_its_sites(seed):
     sites = some_sites(seed)
     compare(sites, submanifold_rules(sites), (3, 3, 3), 1, 1)
 
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("geometry", STRIDED)
-def test_strided_layer_is_a_dense_convolution(geometry):
+def test_a_strided_layer_equals_a_dense_convolution(geometry):
     sites = some_sites(4)
     kernel, stride, padding = geometry
     rules = strided_rules(sites, kernel, stride, padding)
@@ -87,7 +87,7 @@ def pair_by_pair(sites, kernel, stride, padding, submanifold):
 
 
 @pytest.mark.parametrize("geometry", [None, *STRIDED])
-def test_rules_are_those_found_cell_by_cell(geometry):
+def test_rules_equal_those_found_cell_by_cell(geometry):
     sites = some_sites(6, 0.1, (5, 6, 7))
     kernel, stride, padding = geometry or ((3, 3, 3), (1, 1, 1), (1, 1, 1))
     rules = strided_rules(sites, *geometry) if geometry else submanifold_rules(sites)
@@ -100,13 +100,13 @@ def test_rules_are_those_found_cell_by_cell(geometry):
     assert set(ours) == pair_by_pair(sites, kernel, stride, padding, geometry is None)
 
 
-def test_keys_name_their_cells():
+def test_keys_identify_their_cells():
     sites = some_sites(1)
     assert torch.equal(Sites.key(*sites.bzyx(), SHAPE), sites.keys)
     assert (sites.keys.diff() > 0).all()
 
 
-def test_reached_occupancy_and_its_gradient():
+def test_reached_occupancy_and_its_gradient_are_exact():
     # Three cells in a row, stride 2: outputs 0 and 1 see cells {0, 1} and {1, 2}.
     shape = (1, 1, 3)
     cells = torch.tensor([0, 1, 2])
@@ -135,7 +135,7 @@ def test_birds_eye_map_stacks_the_layers_of_a_column():
     assert bev.is_contiguous(memory_format=torch.channels_last)
 
 
-def test_no_sites():
+def test_layers_accept_no_sites():
     empty = Sites(torch.zeros(0, dtype=torch.int64), SHAPE, 1)
     down = strided_rules(empty, *STRIDED[0])
     weight = torch.randn(27, 3, 4)

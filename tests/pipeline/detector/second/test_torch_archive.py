@@ -1,4 +1,4 @@
-"""Checkpoints of others that unpack to more than they are: refused before they are unpacked."""
+"""Untrusted checkpoints that unpack to more than their size are refused before they are unpacked."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def rewritten(path: Path, out: Path, method: int = zipfile.ZIP_STORED, **changed
     return out
 
 
-def test_what_torch_saves_passes(tmp_path: Path) -> None:
+def test_files_of_torch_save_are_accepted(tmp_path: Path) -> None:
     state = {"a": torch.zeros(3), "b": torch.nn.Parameter(torch.ones(2, dtype=torch.float16))}
     optimiser = torch.optim.Adam([state["b"]]).state_dict()
     check_archive(saved(tmp_path / "a.pth", {"model_state": state, "optimizer_state": optimiser, "epoch": 1}))
@@ -72,7 +72,7 @@ def test_a_deflated_archive_is_refused_before_it_is_unpacked(tmp_path: Path) -> 
     assert "True" in found, found
 
 
-def test_a_tensor_that_repeats_one_number_is_not_written_out(tmp_path: Path) -> None:
+def test_an_expanded_tensor_is_refused_before_it_is_expanded(tmp_path: Path) -> None:
     """A shape of 4 GB in four bytes, at the place of a weight."""
     whole = saved(tmp_path / "a.pth", {"model_state": their_names_expanded()})
     assert whole.stat().st_size < 100_000
@@ -99,7 +99,7 @@ class Long:
 
 
 @pytest.mark.parametrize("is_zip", [True, False], ids=["zip", "old"])
-def test_a_pickle_that_makes_long_values_is_refused(tmp_path: Path, is_zip: bool) -> None:
+def test_a_pickle_that_builds_long_values_is_refused(tmp_path: Path, is_zip: bool) -> None:
     path = tmp_path / "a.pth"
     torch.save({"model_state": {"a": Long()}}, path, _use_new_zipfile_serialization=is_zip)
     found = imported(path)
@@ -107,7 +107,7 @@ def test_a_pickle_that_makes_long_values_is_refused(tmp_path: Path, is_zip: bool
     assert "True" in found, found
 
 
-def test_archives_that_torch_never_writes(tmp_path: Path) -> None:
+def test_archives_that_torch_never_writes_are_refused(tmp_path: Path) -> None:
     good = saved(tmp_path / "a.pth", {"a": torch.zeros(1)})
     long = rewritten(good, tmp_path / "long.pth", data=b"N" * (MOST_PICKLE_BYTES + 1))
     with pytest.raises(AdvpipeError, match="bytes of names, too many"):
@@ -128,7 +128,7 @@ def test_archives_that_torch_never_writes(tmp_path: Path) -> None:
         check_archive(tmp_path / "twice.pth")
 
 
-def test_an_entry_that_stands_for_several_is_refused(tmp_path: Path) -> None:
+def test_an_archive_with_overlapping_entries_is_refused(tmp_path: Path) -> None:
     """The directory names one entry's bytes a hundred times."""
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
@@ -142,7 +142,7 @@ def test_an_entry_that_stands_for_several_is_refused(tmp_path: Path) -> None:
         check_archive(tmp_path / "a.pth")
 
 
-def test_a_file_larger_than_any_checkpoint(tmp_path: Path) -> None:
+def test_a_file_larger_than_any_checkpoint_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "a.pth").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
     with pytest.raises(AdvpipeError, match="OpenPCDet's SECOND has at most"):

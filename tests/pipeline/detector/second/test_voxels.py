@@ -23,7 +23,7 @@ POINTS = torch.tensor(
 )
 
 
-def test_means_and_rows():
+def test_voxels_have_mean_features_and_rows_of_points():
     voxels = voxelise([POINTS], SMALL)
     assert voxels.point_to_voxel.tolist() == [0, 1, 1, -1, -1, -1, -1]
     torch.testing.assert_close(
@@ -43,21 +43,21 @@ def test_gradient_reaches_every_read_point_equally():
     assert not points.grad[:, 1:].any()
 
 
-def test_clouds_of_a_batch_stay_apart():
+def test_clouds_of_a_batch_stay_separate():
     both = voxelise([POINTS, POINTS[1:2]], SMALL)
     assert both.sites.bzyx()[0].tolist() == [0, 0, 1]
     torch.testing.assert_close(both.features[:2], voxelise([POINTS], SMALL).features)
     torch.testing.assert_close(both.features[2], POINTS[1])
 
 
-def test_order_of_points_does_not_matter():
+def test_the_order_of_points_does_not_matter():
     order = torch.tensor([6, 2, 4, 0, 1, 3, 5])
     a, b = voxelise([POINTS], SMALL), voxelise([POINTS[order]], SMALL)
     torch.testing.assert_close(a.features, b.features)
     assert torch.equal(a.point_to_voxel[order], b.point_to_voxel)
 
 
-def test_nothing_to_read():
+def test_clouds_without_points_in_range_have_no_voxels():
     for cloud in (torch.zeros(0, 4), torch.full((3, 4), 1e9), torch.full((2, 4), float("nan"))):
         voxels = voxelise([cloud], SMALL)
         assert voxels.features.shape == (0, 4)
@@ -73,7 +73,7 @@ def kitti_points():
     return torch.tensor([[*CELLS[name], float(number)] for number, name in enumerate(ORDER)])
 
 
-def test_only_the_first_five_points_of_a_voxel_count():
+def test_only_the_first_five_points_of_a_voxel_are_used():
     points = kitti_points().requires_grad_()
     voxels = voxelise([points], KITTI)
     # By y, then x: B, C, A. The sixth point of A, number 8, has no say in its mean and no gradient.
@@ -84,7 +84,7 @@ def test_only_the_first_five_points_of_a_voxel_count():
     assert voxels.point_to_voxel.tolist() == [2, 0, 2, 2, 1, 2, 0, 2, 2]
 
 
-def test_only_the_first_voxels_of_each_cloud_count():
+def test_only_the_first_voxels_of_each_cloud_are_used():
     preset = replace(KITTI, max_voxels=2, max_voxels_training=1)
     points = kitti_points()
     voxels = voxelise([points, points[4:]], preset)

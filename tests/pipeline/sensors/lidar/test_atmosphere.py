@@ -66,7 +66,7 @@ def spurious(points: Cloud) -> np.ndarray:
     return np.linalg.norm(xyz(points), axis=1) < true_range_m(points) - 0.7
 
 
-def test_extinction_by_hand() -> None:
+def test_extinction_equals_values_computed_by_hand() -> None:
     # Fog: ln 20 / 50. Rain of 10 mm/h: slope 4.1 x 10^-0.21 = 2.528; 8000 pi / 2.528^3 / 10^6.
     # Snow of 1 mm/h: 3800 pi / 2.55^3 / 10^6 = 0.00072, and 4.64 times the area.
     assert Fog(50, SENSOR).extinction_per_m == pytest.approx(0.059915, rel=1e-4)
@@ -74,13 +74,13 @@ def test_extinction_by_hand() -> None:
     assert snow(1, SENSOR).extinction_per_m == pytest.approx(0.000720 * 4.6416, rel=1e-3)
 
 
-def test_light_left_at_the_visibility() -> None:
+def test_transmission_at_the_visibility_is_that_of_its_definition() -> None:
     # One twentieth is left after the visibility, a four hundredth there and back.
     left = transmission(Fog(80, SENSOR), np.array([80, 40, 0], np.float32))
     assert np.allclose(left, [1 / 400, 1 / 20, 1], rtol=1e-5)
 
 
-def test_rain_takes_twice_the_area_of_its_drops() -> None:
+def test_extinction_of_rain_is_twice_the_area_of_its_drops() -> None:
     area_mm2, _ = quad(lambda d: np.pi / 4 * d**2 * 8000 * np.exp(-4.1 * 25**-0.21 * d), 0, 60)
     assert rain(25, SENSOR).extinction_per_m == pytest.approx(2 * area_mm2 * 1e-6, rel=1e-6)
 
@@ -89,7 +89,7 @@ def test_rain_takes_twice_the_area_of_its_drops() -> None:
     ("kind", "rate", "density", "slope_per_mm", "reflectivity"),
     [("snow", 1.0, 3800, 2.55, 0.9), ("rain", 80.0, 8000, 4.1 * 80**-0.21, 0.02)],
 )
-def test_echoes_are_those_of_drawing_every_particle(
+def test_echoes_are_distributed_as_if_every_particle_were_drawn(
     kind: str, rate: float, density: float, slope_per_mm: float, reflectivity: float
 ) -> None:
     """LISA as published: all particles in the cone of each beam, of which the strongest counts."""
@@ -137,7 +137,7 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     ("kind", "strengths"),
     [("rain", (1, 10, 40, 150)), ("snow", (0.2, 1, 3, 10)), ("fog", (600, 200, 80, 30))],
 )
-def test_the_worse_the_weather(kind: str, strengths: tuple[float, ...]) -> None:
+def test_worse_weather_loses_more_points(kind: str, strengths: tuple[float, ...]) -> None:
     clouds = [cloud(weather(kind, strength)) for strength in strengths]
     real = [int((~spurious(c)).sum()) for c in clouds]
     false = [spurious(c).mean() for c in clouds]
@@ -150,7 +150,7 @@ def test_the_worse_the_weather(kind: str, strengths: tuple[float, ...]) -> None:
 
 
 @pytest.mark.parametrize(("kind", "strength"), [("rain", 100), ("snow", 3), ("fog", 40)])
-def test_spurious_points_are_near_faint_and_before_the_world(kind: str, strength: float) -> None:
+def test_spurious_points_are_near_weak_and_before_the_surface(kind: str, strength: float) -> None:
     points = cloud(weather(kind, strength))
     false = spurious(points)
     range_m = np.linalg.norm(xyz(points), axis=1)
@@ -169,7 +169,7 @@ def test_nothing_echoes_behind_a_wall(facing: MakeHits) -> None:
     assert np.linalg.norm(xyz(points), axis=1).max() < 1.7
 
 
-def test_a_wall_in_fog_by_hand(facing: MakeHits) -> None:
+def test_a_wall_in_fog_equals_values_computed_by_hand(facing: MakeHits) -> None:
     # Plaster at 24 m and a visibility of 50 m: 0.6 exp(-2 x 0.059915 x 24) = 0.03380 arrives. A white target
     # at 100 m is just seen, so 0.9 (24/100)^2 = 0.05184 is needed: 0.652 of it, seen 1 - 0.1^0.4252 often.
     quiet = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
@@ -194,7 +194,7 @@ def test_a_wall_in_fog_by_hand(facing: MakeHits) -> None:
     assert np.std(range_m[wall]) == pytest.approx(stddev_m, rel=0.03)
 
 
-def test_signs_are_seen_farther_into_the_fog_than_walls(facing: MakeHits) -> None:
+def test_signs_are_detected_farther_in_fog_than_walls(facing: MakeHits) -> None:
     sensor = SENSOR.model_copy(update={"noise_stddev": 0.0})
     count = SENSOR.columns * 64
     seen = {
@@ -208,7 +208,7 @@ def test_signs_are_seen_farther_into_the_fog_than_walls(facing: MakeHits) -> Non
 
 @pytest.mark.parametrize(("kind", "strength"), [("rain", 200), ("snow", 200), ("fog", 5)])
 @pytest.mark.filterwarnings("error")
-def test_the_worst_weather_leaves_a_cloud_of_numbers(kind: str, strength: float) -> None:
+def test_the_worst_weather_gives_finite_clouds(kind: str, strength: float) -> None:
     far = SENSOR.model_copy(update={"range": 500.0})
     points = cloud(weather(kind, strength), 0, far)
     assert np.isfinite(xyz(points)).all()
@@ -227,10 +227,10 @@ BAD_WEATHER = {
 
 
 @pytest.mark.parametrize(("keys", "message"), BAD_WEATHER.values(), ids=BAD_WEATHER)
-def test_bad_weather_is_refused(keys: dict[str, object], message: str) -> None:
+def test_invalid_weather_is_refused(keys: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         Weather.model_validate(keys)
 
 
-def test_air_is_none_where_it_is_clear() -> None:
+def test_clear_weather_has_no_atmosphere() -> None:
     assert atmosphere_of(Weather(), SENSOR) is None

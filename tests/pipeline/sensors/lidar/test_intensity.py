@@ -24,7 +24,7 @@ def share_kept(sensor: LidarSensor, hits: Hits) -> float:
     return len(Lidar(sensor).measure(hits, np.random.default_rng(0))) / RAYS
 
 
-def test_incidence_is_oren_and_nayars(facing: MakeHits) -> None:
+def test_incidence_follows_oren_and_nayar(facing: MakeHits) -> None:
     # Their full formula for light and eye in the same place, worked out here with sigma = 20 degrees.
     variance, angle = np.deg2rad(20) ** 2, np.deg2rad(np.array([0, 30, 60, 85]))
     a, b = 1 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
@@ -34,13 +34,13 @@ def test_incidence_is_oren_and_nayars(facing: MakeHits) -> None:
     assert pytest.approx(0.2992, abs=1e-4) == GRAZING_SHARE
 
 
-def test_panes_and_air_take_their_share(facing: MakeHits) -> None:
+def test_panes_and_air_attenuate(facing: MakeHits) -> None:
     answer = return_signal(facing(1, 50, "plaster", transmission=0.64), np.array([0]), 0.004)[0]
     assert answer == pytest.approx(MATERIALS["plaster"] * 0.64 * 0.8187308, rel=1e-5)  # exp(-0.2)
 
 
 @pytest.mark.parametrize(("degrees", "expected"), [(0, 1.0), (39, 1.0), (41, None)])
-def test_retroreflectors_answer_in_full_up_to_40_degrees(
+def test_retroreflectors_return_fully_up_to_40_degrees(
     facing: MakeHits, degrees: float, expected: float | None
 ) -> None:
     cos = float(np.cos(np.deg2rad(degrees)))
@@ -61,7 +61,7 @@ def test_weak_returns_are_lost_as_in_carla(facing: MakeHits) -> None:
     assert share_kept(sensor, facing(RAYS, 50, "plaster")) == pytest.approx(expected, abs=0.008)
 
 
-def test_dark_things_are_seen_less_far(facing: MakeHits) -> None:
+def test_dark_surfaces_have_a_shorter_range(facing: MakeHits) -> None:
     sensor = LidarSensor(
         range=100, range_reflectivity=0.6, atmosphere_attenuation_rate=0, **QUIET, **ONE_CHANNEL
     )
@@ -79,7 +79,7 @@ def test_dark_things_are_seen_less_far(facing: MakeHits) -> None:
     assert share_kept(everything, facing(RAYS, 99.99, "paint_black", 0.01)) == 1.0
 
 
-def test_the_noise_floor_is_the_target_of_the_datasheet() -> None:
+def test_the_noise_floor_equals_the_data_sheets_target() -> None:
     sensor = LidarSensor(preset="pandar64")
     floor = noise_floor(sensor, np.array([200.0, 100.0], np.float32))
     assert np.allclose(floor, [0.1, 0.025], rtol=1e-5)

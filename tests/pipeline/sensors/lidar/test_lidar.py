@@ -23,7 +23,7 @@ def sweep(sensor: LidarSensor, scene: Scene, yaw_rad: float = 0.0) -> np.ndarray
     return lidar.measure(scene.cast(lidar.rays(se3_from_yaw((0, 0, 0), yaw_rad))), np.random.default_rng(0))
 
 
-def test_a_plane_is_as_far_as_the_angle_says() -> None:
+def test_the_range_of_a_plane_follows_from_the_angle() -> None:
     sensor = LidarSensor(
         channels=3,
         lower_fov=-45,
@@ -66,7 +66,7 @@ def test_intensity_fades_by_the_attenuation_rate() -> None:
     assert far / near == pytest.approx(np.exp(-0.02 * 40.0), rel=1e-4)
 
 
-def test_noise_and_loss_have_the_size_asked_for() -> None:
+def test_noise_and_loss_have_the_configured_size() -> None:
     noisy = LidarSensor(
         channels=8, lower_fov=-30, upper_fov=-10, points_per_second=8 * 10 * 2000, noise_stddev=0.05,
         dropoff_general_rate=0.25, dropoff_intensity_limit=0.0,
@@ -80,7 +80,7 @@ def test_noise_and_loss_have_the_size_asked_for() -> None:
     assert abs(np.mean(measured_m - true_range_m)) < 0.003
 
 
-def test_points_on_a_box_fall_with_range_as_geometry_says() -> None:
+def test_points_on_a_box_decrease_with_range_by_geometry() -> None:
     sensor = LidarSensor(channels=64, **QUIET)
     counts = []
     for distance_m in (10.0, 20.0, 40.0):
@@ -95,7 +95,7 @@ def test_points_on_a_box_fall_with_range_as_geometry_says() -> None:
     assert counts[0] > counts[1] > counts[2]
 
 
-def test_nothing_nearer_or_farther_than_the_sensor_sees() -> None:
+def test_no_point_is_outside_the_sensors_range() -> None:
     sensor = LidarSensor(range=30, **QUIET)
     cloud = sweep(sensor, Scene(merge([PLANE, box_mesh((0.2, 0.2, 1.9), "steel").moved(0.4, 0, 0)])))
     range_m = np.linalg.norm(np.stack([cloud["x"], cloud["y"], cloud["z"]]), axis=0)
@@ -103,7 +103,7 @@ def test_nothing_nearer_or_farther_than_the_sensor_sees() -> None:
     assert range_m.min() >= 0.9
 
 
-def test_rays_start_at_the_mounting_place() -> None:
+def test_rays_start_at_the_mounting_position() -> None:
     lidar = Lidar(LidarSensor(x_m=0.5, z_m=2.0, channels=1, upper_fov=1, lower_fov=0, points_per_second=40))
     map_SE3_base = se3_from_yaw((10, 20, 1), np.pi / 2)
     rays = lidar.rays(map_SE3_base)

@@ -45,7 +45,7 @@ def test_each_lidar_has_its_clouds_at_its_own_rate(bag: Path) -> None:
     assert counts == {"ego/lidar": 6, "ego/front": 6, "truck_1/roof": 3}  # 5 turns a second, 10 steps
 
 
-def test_each_lidar_finds_the_truth_in_its_own_frame(bag: Path) -> None:
+def test_each_lidars_points_match_the_truth_in_its_frame(bag: Path) -> None:
     """Points of the vehicle that it sits on are none of its own; those of others are in their boxes."""
     for lidar in ("ego/lidar", "ego/front", "truck_1/roof"):
         inside = grown = 0
@@ -67,7 +67,7 @@ def test_points_on_a_road_user_are_counted_over_all_lidars_of_the_vehicle(bag: P
         assert np.abs(counts - [user.lidar_points for user in message.road_users]).max() <= 2
 
 
-def test_hidden_road_users_are_said_to_be_hidden(bag: Path) -> None:
+def test_occluded_road_users_have_their_occlusion(bag: Path) -> None:
     messages = BagReader(bag).messages("/ego/ground_truth/road_users")
     users = [user for _, message in messages for user in message.road_users]
     occlusion = np.array([user.occlusion for user in users])
@@ -98,7 +98,7 @@ def test_tf_carries_the_estimate_and_static_frames_the_mounting(bag: Path) -> No
         assert 1e-3 < error_m < 6 * np.sqrt(estimate.pose.covariance.reshape(6, 6)[:3, :3].trace())
 
 
-def test_messages_lie_in_the_order_of_their_log_times(bag: Path) -> None:
+def test_messages_are_in_the_order_of_their_log_times(bag: Path) -> None:
     reader = BagReader(bag)
     log_times = [raw.log_time_ns for raw in reader.raw_messages(list(reader.topics))]
     assert log_times == sorted(log_times)
@@ -106,7 +106,7 @@ def test_messages_lie_in_the_order_of_their_log_times(bag: Path) -> None:
     assert np.diff(imu).tolist() == [10_000_000] * 49
 
 
-def test_every_sensor_has_recorded_the_topics_that_it_declares(bag: Path) -> None:
+def test_every_sensor_records_the_topics_that_it_declares(bag: Path) -> None:
     recorded = BagReader(bag).topics
     declared: set[str] = set()
     for vehicle in ("ego", "truck_1"):

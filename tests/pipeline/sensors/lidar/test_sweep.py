@@ -35,7 +35,7 @@ def test_a_constant_twist_moves_as_the_matrix_exponential(twist: np.ndarray) -> 
     assert np.allclose(poses_at(twist, times_s), expected, atol=1e-12)
 
 
-def test_mounting_signs_and_order() -> None:
+def test_mounting_angles_have_the_documented_signs_and_order() -> None:
     # Pitch 30 looks down; yaw 90 looks to the left; roll 90 turns the left side up (REP-103).
     assert np.allclose(mounting(LidarSensor(pitch_deg=30))[:3, 0], [np.sqrt(0.75), 0, -0.5])
     assert np.allclose(mounting(LidarSensor(yaw_deg=90))[:3, 0], [0, 1, 0])
@@ -46,7 +46,7 @@ def test_mounting_signs_and_order() -> None:
     assert np.allclose(mounting(tilted)[:3, 3], [1, -0.5, 2])
 
 
-def test_a_tilted_sensor_sees_the_ground_where_it_is() -> None:
+def test_a_tilted_sensor_measures_the_ground_correctly() -> None:
     sensor = LidarSensor(
         x_m=0.4, y_m=-0.3, z_m=1.7, roll_deg=4, pitch_deg=8, yaw_deg=25, channels=8, points_per_second=7200,
         upper_fov=-5, lower_fov=-20, **QUIET,
@@ -67,7 +67,7 @@ def moving(**keys: object) -> Lidar:
     )  # fmt: skip
 
 
-def test_columns_leave_from_where_the_vehicle_is() -> None:
+def test_columns_leave_from_the_vehicles_current_pose() -> None:
     lidar, map_SE3_base = moving(), se3_from_yaw((10, 20, 0), 0.3)
     rays = lidar.rays(map_SE3_base, TWIST).reshape(-1, 64, 6)
     now = map_SE3_base @ lidar.base_SE3_lidar
@@ -93,7 +93,7 @@ def undone(cloud: Cloud, lidar: Lidar) -> np.ndarray:
     return np.array(points)
 
 
-def test_undoing_the_motion_gives_back_the_world() -> None:
+def test_motion_compensation_restores_the_world() -> None:
     lidar, map_SE3_base = moving(), se3_from_yaw((5.0, -2.0, 0.0), 0.2)
     crate = box_mesh((2.0, 3.0, 4.0), "steel").moved(11.0, 6.0, 0.0).transformed(map_SE3_base)
     cloud = lidar.measure(Scene(crate).cast(lidar.rays(map_SE3_base, TWIST)), np.random.default_rng(0))
@@ -112,7 +112,7 @@ def test_undoing_the_motion_gives_back_the_world() -> None:
     assert np.median(raw_m) > 0.3
 
 
-def test_points_on_a_moving_user_are_where_it_was() -> None:
+def test_points_on_a_moving_road_user_are_at_its_past_position() -> None:
     lidar = moving()
     wall = Scene(box_mesh((0.2, 30.0, 6.0), "steel").moved(20.1, 0, 0))
     hits = wall.cast(lidar.rays(np.eye(4), np.zeros(6)))
@@ -124,7 +124,7 @@ def test_points_on_a_moving_user_are_where_it_was() -> None:
     assert np.ptp(x_m) > 0.2
 
 
-def test_without_distortion_motion_counts_for_nothing() -> None:
+def test_without_distortion_motion_has_no_effect() -> None:
     lidar = Lidar(LidarSensor(channels=4, points_per_second=4000, **QUIET))
     assert np.array_equal(lidar.rays(np.eye(4), TWIST), lidar.rays(np.eye(4)))
     count = 100 * 4
@@ -142,7 +142,7 @@ def test_without_distortion_motion_counts_for_nothing() -> None:
     assert np.allclose(np.linalg.norm(xyz(cloud), axis=1), 9.0, atol=1e-5)
 
 
-def test_a_turn_of_several_steps_ends_at_each_of_its_last() -> None:
+def test_a_turn_of_several_steps_ends_at_its_last_step() -> None:
     lidar = Lidar(LidarSensor(rotation_frequency=5), step_s=0.05)
     assert [frame for frame in range(9) if lidar.is_due(frame)] == [0, 4, 8]
     assert all(Lidar(LidarSensor(), step_s=0.1).is_due(frame) for frame in range(3))

@@ -82,11 +82,13 @@ DEG = math.pi / 180
         (q.DELTA_TIME, 0.0, 1),
     ],
 )
-def test_code(quantity: q.CamQuantity | q.Classes, value: float | None, code: int | str) -> None:
+def test_codes_equal_those_of_the_dictionary(
+    quantity: q.CamQuantity | q.Classes, value: float | None, code: int | str
+) -> None:
     assert quantity.code(value) == code
 
 
-def test_out_of_range_and_unavailable_stay_apart() -> None:
+def test_out_of_range_and_unavailable_are_distinct() -> None:
     assert q.SPEED.value(16_382) == math.inf
     assert q.SPEED.value(16_383) is None
     assert q.YAW_RATE_CONFIDENCE.value("outOfRange") == math.inf
@@ -108,6 +110,8 @@ def test_out_of_range_and_unavailable_stay_apart() -> None:
         (q.ALTITUDE_CONFIDENCE, math.nan),
     ],
 )
-def test_what_no_cam_can_tell_is_refused_by_name(quantity: q.CamQuantity | q.Classes, value: float) -> None:
+def test_values_that_no_cam_can_represent_are_refused_by_name(
+    quantity: q.CamQuantity | q.Classes, value: float
+) -> None:
     with pytest.raises(CamError, match=quantity.name):
         quantity.code(value)

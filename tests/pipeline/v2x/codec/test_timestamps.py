@@ -29,19 +29,19 @@ def utc_ns(*date: int) -> int:
         ((2026, 1, 1), 694_310_405_000),
     ],
 )
-def test_timestamp_its(date: tuple[int, ...], expected_ms: int) -> None:
+def test_timestamp_its_counts_leap_seconds(date: tuple[int, ...], expected_ms: int) -> None:
     assert timestamp_its_ms(utc_ns(*date)) == expected_ms
     assert unix_ns(expected_ms) == utc_ns(*date)
 
 
-def test_generation_delta_time() -> None:
+def test_generation_delta_time_is_modulo_65536() -> None:
     assert generation_delta_time_ms(utc_ns(2026, 1, 1)) == 904
     assert generation_delta_time_ms(utc_ns(2026, 1, 1) + 999_999) == 904
     assert generation_delta_time_ms(utc_ns(2026, 1, 1) + (65536 + 3) * MS) == 907
 
 
 @pytest.mark.parametrize("age_ms", [-32_767, -1, 0, 1, 100, 32_767, 32_768])
-def test_the_nearest_time_is_meant(age_ms: int) -> None:
+def test_the_nearest_matching_time_is_chosen(age_ms: int) -> None:
     generated_ns = utc_ns(2026, 1, 1, 12)
     received_ns = generated_ns + age_ms * MS
     assert generation_time_ns(generation_delta_time_ms(generated_ns), received_ns) == generated_ns

@@ -36,7 +36,7 @@ def test_pycrate_writes_the_same_bytes(uper: Uper, random_cam_tree: Callable[...
     assert plain > 600
 
 
-def test_what_is_read_pycrate_reads_alike(uper: Uper, cam_vector: bytes) -> None:
+def test_decoded_values_equal_those_of_pycrate(uper: Uper, cam_vector: bytes) -> None:
     rng = np.random.default_rng(1)
     read = 0
     for _ in range(2000):
@@ -56,14 +56,14 @@ def test_what_is_read_pycrate_reads_alike(uper: Uper, cam_vector: bytes) -> None
 
 
 @pytest.mark.parametrize("value", [70_000, -1, 1.5, None, "1"])
-def test_what_is_not_plain_is_left_to_pycrate(uper: Uper, cam_vector: bytes, value: object) -> None:
+def test_other_cases_are_left_to_pycrate(uper: Uper, cam_vector: bytes, value: object) -> None:
     tree = uper.decode(cam_vector)
     tree["cam"]["generationDeltaTime"] = value
     with pytest.raises((NotPlain, TypeError)):
         uper.encode(tree)
 
 
-def test_unknown_members_are_not_dropped(uper: Uper, cam_vector: bytes) -> None:
+def test_unknown_members_are_not_dropped_silently(uper: Uper, cam_vector: bytes) -> None:
     tree = uper.decode(cam_vector)
     tree["cam"]["speeed"] = 3
     with pytest.raises(NotPlain):

@@ -11,7 +11,9 @@ from advpipe.pipeline.v2x.facilities.cam import confidence_ellipse
 @pytest.mark.parametrize(
     ("east_m", "north_m", "expected_rad"), [(2.0, 1.0, math.pi / 2), (1.0, 2.0, 0.0), (3.0, 3.0, None)]
 )
-def test_ellipse_along_the_axes(east_m: float, north_m: float, expected_rad: float | None) -> None:
+def test_the_ellipse_is_exact_along_the_axes(
+    east_m: float, north_m: float, expected_rad: float | None
+) -> None:
     """2.4477 sigma hold 95 % in two dimensions."""
     major_m, minor_m, direction_rad = confidence_ellipse((east_m**2, 0.0, north_m**2))
     assert major_m == pytest.approx(2.4477 * max(east_m, north_m), rel=1e-4)
@@ -20,7 +22,7 @@ def test_ellipse_along_the_axes(east_m: float, north_m: float, expected_rad: flo
         assert direction_rad == pytest.approx(expected_rad)
 
 
-def test_ellipse_is_the_eigenvectors() -> None:
+def test_the_ellipses_axes_are_the_eigenvectors() -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
         root = rng.normal(size=(2, 2))
@@ -36,7 +38,7 @@ def test_ellipse_is_the_eigenvectors() -> None:
         assert 0 <= direction_rad < math.pi
 
 
-def test_ellipse_holds_95_percent() -> None:
+def test_the_ellipse_contains_95_percent() -> None:
     rng = np.random.default_rng(1)
     covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
     major_m, minor_m, direction_rad = confidence_ellipse((4.0, 1.5, 1.0))
@@ -47,6 +49,6 @@ def test_ellipse_holds_95_percent() -> None:
     assert np.mean((along / major_m) ** 2 + (across / minor_m) ** 2 <= 1) == pytest.approx(0.95, abs=0.005)
 
 
-def test_certain_and_unknown_positions() -> None:
+def test_certain_and_unknown_positions_are_coded() -> None:
     assert confidence_ellipse((0.0, 0.0, 0.0))[:2] == (0.01, 0.01)
     assert confidence_ellipse(None) == (None, None, None)

@@ -50,7 +50,7 @@ def test_nothing_is_lost_between_values_and_si_units(random_cam_tree: Callable[.
         assert cam_tree(cam_of_tree(tree)) == tree
 
 
-def test_the_core_says_what_the_whole_does(random_cam_tree: Callable[..., CamTree]) -> None:
+def test_the_core_equals_the_fields_of_the_cam(random_cam_tree: Callable[..., CamTree]) -> None:
     rng = np.random.default_rng(1)
     for _ in range(200):
         tree = random_cam_tree(rng)
@@ -73,7 +73,7 @@ def test_the_vector_in_si_units(cam_vector: bytes) -> None:
     assert encode_cam(cam) == cam_vector
 
 
-def test_an_altered_cam(cam_vector: bytes) -> None:
+def test_only_altered_fields_of_a_cam_change(cam_vector: bytes) -> None:
     altered = dataclasses.replace(decode_cam(cam_vector), speed_mps=0.0, latitude_deg=48.0)
     before, after = decode_cam_tree(cam_vector), decode_cam_tree(encode_cam(altered))
     high = before["cam"]["camParameters"]["highFrequencyContainer"][1]
@@ -125,7 +125,7 @@ def test_a_full_state_arrives_within_one_unit(car: Callable[..., StationState]) 
         assert cam.acceleration_control == AccelerationControl.BRAKE_PEDAL
 
 
-def test_what_a_state_leaves_out_is_unavailable(car: Callable[..., StationState]) -> None:
+def test_missing_values_of_a_state_are_unavailable(car: Callable[..., StationState]) -> None:
     cam = decode_cam(encode_cam(cam_of_state(car())))
     assert cam.altitude_m is cam.semi_major_m is cam.yaw_rate_radps is cam.curvature_per_m is None
     assert cam.lateral_acceleration_mps2 is cam.low_frequency is None
@@ -133,7 +133,7 @@ def test_what_a_state_leaves_out_is_unavailable(car: Callable[..., StationState]
     assert "lateralAcceleration" not in high
 
 
-def test_low_frequency_container(car: Callable[..., StationState]) -> None:
+def test_the_low_frequency_container_round_trips(car: Callable[..., StationState]) -> None:
     low = LowFrequency(
         vehicle_role=VehicleRole.TAXI,
         exterior_lights=ExteriorLights.LOW_BEAM | ExteriorLights.LEFT_TURN_SIGNAL,
@@ -143,21 +143,21 @@ def test_low_frequency_container(car: Callable[..., StationState]) -> None:
     assert cam.low_frequency == low
 
 
-def test_headings_and_longitudes_that_must_not_be_sent(car: Callable[..., StationState]) -> None:
+def test_forbidden_codes_of_heading_and_longitude_are_never_sent(car: Callable[..., StationState]) -> None:
     tree = cam_tree(cam_of_state(car(heading_rad=math.radians(359.97), longitude_deg=-180.0)))
     parameters = tree["cam"]["camParameters"]
     assert parameters["highFrequencyContainer"][1]["heading"]["headingValue"] == 0
     assert parameters["basicContainer"]["referencePosition"]["longitude"] == 1_800_000_000
 
 
-def test_a_state_that_no_cam_can_tell(car: Callable[..., StationState]) -> None:
+def test_a_state_that_no_cam_can_represent_is_refused(car: Callable[..., StationState]) -> None:
     with pytest.raises(CamError, match="speed_mps is nan"):
         encode_cam(cam_of_state(car(speed_mps=math.nan)))
     with pytest.raises(CamError, match="latitude_deg 95 is outside"):
         encode_cam(cam_of_state(car(latitude_deg=95.0)))
 
 
-def test_a_road_side_unit(random_cam_tree: Callable[..., CamTree]) -> None:
+def test_a_roadside_units_cam_round_trips(random_cam_tree: Callable[..., CamTree]) -> None:
     cam = Cam(station_id=1, station_type=15, generation_delta_time_ms=5, roadside={})
     payload = encode_cam(cam)
     assert decode_cam(payload) == cam
@@ -165,7 +165,7 @@ def test_a_road_side_unit(random_cam_tree: Callable[..., CamTree]) -> None:
     assert kind == "rsuContainerHighFrequency"
 
 
-def test_containers_of_a_later_release(cam_vector: bytes) -> None:
+def test_containers_of_a_later_release_are_refused(cam_vector: bytes) -> None:
     tree = decode_cam_tree(cam_vector)
     tree["cam"]["camParameters"]["highFrequencyContainer"] = ("_ext_0", b"\x12")
     with pytest.raises(CamError, match="of a later release"):

@@ -14,7 +14,7 @@ def fed(dcc: ReactiveDcc, load: float, samples: int) -> str:
     return dcc.state
 
 
-def test_up_takes_a_second() -> None:
+def test_fewer_messages_take_a_second_of_load() -> None:
     dcc = ReactiveDcc()
     assert (dcc.state, dcc.interval_s) == ("relaxed", 0.06)
     assert fed(dcc, 0.2, 9) == "relaxed"
@@ -28,7 +28,7 @@ def test_up_takes_a_second() -> None:
     assert dcc.interval_s == 0.46
 
 
-def test_down_takes_five_seconds() -> None:
+def test_more_messages_take_five_seconds_of_low_load() -> None:
     dcc = ReactiveDcc()
     assert fed(dcc, 0.7, 11) == "restrictive"
     assert fed(dcc, 0.55, 1) == "restrictive"
@@ -47,6 +47,6 @@ def test_one_quiet_sample_keeps_a_station_relaxed() -> None:
 
 
 @pytest.mark.parametrize("load", [-0.01, 1.01, math.nan])
-def test_no_load(load: float) -> None:
+def test_an_invalid_load_is_refused(load: float) -> None:
     with pytest.raises(AdvpipeError, match="channel load"):
         ReactiveDcc().update(load)

@@ -11,8 +11,8 @@ from advpipe.pipeline.v2x.facilities.cam_values import changed_fields, values_of
 from advpipe.pipeline.v2x.facilities.effect import fix_has_effect, has_effect
 
 
-def said(time_ms=0, **fields):
-    """What a car says at 48 degrees north and 11 east, heading east at 10 m/s."""
+def claimed(time_ms=0, **fields):
+    """The claims of a car at 48 degrees north and 11 east, heading east at 10 m/s."""
     usual = {
         "station_id": 7,
         "station_type": 5,
@@ -34,7 +34,7 @@ def said(time_ms=0, **fields):
 @pytest.mark.parametrize(
     ("true", "false", "expected"),
     [
-        ({"speed_mps": 0.0}, {"speed_mps": 0.0}, False),  # a standing car that says so
+        ({"speed_mps": 0.0}, {"speed_mps": 0.0}, False),  # a standing car that claims to stand
         ({"speed_mps": 0.9}, {"speed_mps": 0.0}, False),
         ({"speed_mps": 1.2}, {"speed_mps": 0.0}, True),
         ({"speed_mps": 1.2}, {"speed_mps": math.inf}, True),
@@ -48,30 +48,30 @@ def said(time_ms=0, **fields):
         ({}, {"length_m": 5.1}, True),
     ],
 )
-def test_thresholds(true, false, expected):
-    assert has_effect(said(**true), said(**false), 0.0, 1.1) == expected
+def test_differences_above_the_thresholds_have_an_effect(true, false, expected):
+    assert has_effect(claimed(**true), claimed(**false), 0.0, 1.1) == expected
 
 
-def test_fixes_as_messages():
+def test_fixes_and_messages_follow_the_same_rule():
     """0.6 m and 0.8 m aside are 1 m: the bound itself; 5 m in height."""
     assert not fix_has_effect(0.6, -0.8, 5.0)
     assert fix_has_effect(0.61, -0.8, 0.0)
     assert fix_has_effect(0.0, 0.0, -5.1)
 
 
-def test_place_and_time():
+def test_differences_of_position_and_time_have_an_effect():
     """More than a metre; a time by which the map's entry has expired, over the cycle of 65.536 s as well."""
-    assert not has_effect(said(), said(), 0.9, 1.1)
-    assert has_effect(said(), said(), 1.1, 1.1)
-    assert not has_effect(said(1000), said(0), 0.0, 1.1)
-    assert has_effect(said(1200), said(0), 0.0, 1.1)
-    assert not has_effect(said(66_000), said(0), 0.0, 1.1)
-    assert has_effect(said(), None, math.nan, 1.1)
-    assert has_effect(said(), said(latitude_deg=None), math.nan, 1.1)
+    assert not has_effect(claimed(), claimed(), 0.9, 1.1)
+    assert has_effect(claimed(), claimed(), 1.1, 1.1)
+    assert not has_effect(claimed(1000), claimed(0), 0.0, 1.1)
+    assert has_effect(claimed(1200), claimed(0), 0.0, 1.1)
+    assert not has_effect(claimed(66_000), claimed(0), 0.0, 1.1)
+    assert has_effect(claimed(), None, math.nan, 1.1)
+    assert has_effect(claimed(), claimed(latitude_deg=None), math.nan, 1.1)
 
 
-def test_changed_fields():
-    assert changed_fields(said(), said(speed_mps=3.0, latitude_deg=47.0)) == "latitude_deg,speed_mps"
-    assert changed_fields(said(), said(heading_rad=None)) == "heading_rad"
-    assert changed_fields(said(), said(performance_class=1)) == "other"
+def test_changed_fields_are_listed():
+    assert changed_fields(claimed(), claimed(speed_mps=3.0, latitude_deg=47.0)) == "latitude_deg,speed_mps"
+    assert changed_fields(claimed(), claimed(heading_rad=None)) == "heading_rad"
+    assert changed_fields(claimed(), claimed(performance_class=1)) == "other"
     assert values_of_payload(b"no CAM") is None

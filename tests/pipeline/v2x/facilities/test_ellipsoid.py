@@ -7,7 +7,7 @@ import pytest
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 
 
-def test_distance_and_direction_are_the_geodesic() -> None:
+def test_distance_and_direction_equal_the_geodesic() -> None:
     geod, rng = pyproj.Geod(ellps="WGS84"), np.random.default_rng(0)
     for _ in range(300):
         latitude, longitude, azimuth = rng.uniform(-80, 80), rng.uniform(-180, 180), rng.uniform(-180, 180)

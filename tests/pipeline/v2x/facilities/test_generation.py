@@ -58,7 +58,7 @@ def test_changes_have_to_exceed_the_threshold(car: Car) -> None:
     assert causes == {Cause.FIRST, Cause.ELAPSED}
 
 
-def test_heading_over_north(car: Car) -> None:
+def test_a_change_of_heading_across_north_is_small(car: Car) -> None:
     def turn(t: float) -> StationState:
         return car(heading_rad=math.radians(358 if t < 3 else 2.5))
 
@@ -66,7 +66,7 @@ def test_heading_over_north(car: Car) -> None:
     assert sent[3.0].cause == Cause.HEADING
 
 
-def test_speed_and_the_interval_that_follows(car: Car) -> None:
+def test_a_change_of_speed_sets_the_next_interval(car: Car) -> None:
     """A burst at 2.8 s, 0.4 s after the CAM before: three quiet CAMs in steps of 0.4 s, then 1 s."""
     sent = run(lambda t: car(speed_mps=0.0 if t < 2.75 else 0.6), 7)
     assert sent[2.8].cause == Cause.SPEED
@@ -80,13 +80,13 @@ def test_congestion_control_slows_down(car: Car) -> None:
     assert list(fast[2]) == [1.0, 2.0, 3.0]  # never beyond T_GenCamMax
 
 
-def test_low_frequency_container_every_half_second(car: Car) -> None:
+def test_the_low_frequency_container_is_sent_every_half_second(car: Car) -> None:
     sent = run(lambda t: car(latitude_deg=48 + 50 * t * DEGREES_PER_M), 2)
     with_it = [time for time, cam in sent.items() if cam.cam.low_frequency is not None]
     assert with_it == [0.1, 0.6, 1.1, 1.6]
 
 
-def test_payload_tells_the_states_time_and_path(car: Car) -> None:
+def test_the_payload_states_the_states_time_and_path(car: Car) -> None:
     def course(t: float) -> StationState:
         time_ns = START_NS + round(t * 1e9) - 37_000_000
         return car(latitude_deg=48 + 30 * t * DEGREES_PER_M, time_ns=time_ns, speed_mps=30.0)
@@ -102,7 +102,7 @@ def test_payload_tells_the_states_time_and_path(car: Car) -> None:
     assert len(told_m) > 3
 
 
-def test_check_phases_differ_and_repeat() -> None:
+def test_check_phases_differ_and_are_reproducible() -> None:
     phases = [first_check_ns(0, 7, station) for station in range(200)]
     assert phases == [first_check_ns(0, 7, station) for station in range(200)]
     assert min(phases) >= CHECK_INTERVAL_NS

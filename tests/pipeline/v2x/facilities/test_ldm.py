@@ -1,4 +1,4 @@
-"""The Local Dynamic Map: what enters, what stays, and where it lies."""
+"""The Local Dynamic Map: which reports are accepted and kept, and their positions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def report(station_id: int = 7, age_ms: float = 0, speed_mps: float = 10) -> Ldm
         (60_000, Verdict.EXPIRED),
     ],
 )
-def test_reports_enter_within_the_expiry(age_ms: float, verdict: Verdict) -> None:
+def test_reports_within_the_expiry_are_accepted(age_ms: float, verdict: Verdict) -> None:
     """A replay that comes 1.1 s after its original is refused, as Artery does."""
     ldm = LocalDynamicMap(LdmRules())
     assert ldm.receive(report(age_ms=age_ms), NOW_NS) is verdict
@@ -59,7 +59,7 @@ def test_entries_expire() -> None:
 @pytest.mark.parametrize(
     ("keep", "speed_mps", "verdict"), [("newest", 1, Verdict.SUPERSEDED), ("latest", 2, Verdict.ACCEPTED)]
 )
-def test_older_reports(keep: str, speed_mps: float, verdict: Verdict) -> None:
+def test_older_reports_follow_the_rule(keep: str, speed_mps: float, verdict: Verdict) -> None:
     ldm = LocalDynamicMap(LdmRules(keep=keep))
     assert ldm.receive(report(age_ms=100, speed_mps=1), NOW_NS) is Verdict.ACCEPTED
     assert ldm.receive(report(age_ms=300, speed_mps=2), NOW_NS + MS) is verdict
@@ -67,7 +67,7 @@ def test_older_reports(keep: str, speed_mps: float, verdict: Verdict) -> None:
     assert entry.report.speed_mps == speed_mps
 
 
-def test_the_same_station_id_overwrites_and_others_stand_beside() -> None:
+def test_a_station_id_has_one_entry() -> None:
     ldm = LocalDynamicMap(LdmRules())
     for index, station_id in enumerate((9, 7, 9)):
         ldm.receive(report(station_id, speed_mps=index), NOW_NS + index)
@@ -76,7 +76,7 @@ def test_the_same_station_id_overwrites_and_others_stand_beside() -> None:
     assert entries[1].received_ns == NOW_NS + 2
 
 
-def test_what_is_no_cam_or_has_no_place_is_only_counted() -> None:
+def test_messages_without_cam_or_position_are_only_counted() -> None:
     ldm = LocalDynamicMap(LdmRules())
     assert ldm.receive_corrupt() is Verdict.CORRUPT
     unplaced = report_of_cam(Cam(station_id=7, station_type=5, generation_delta_time_ms=0), NOW_NS, GEODESY)
@@ -110,7 +110,7 @@ def state(map_SE3_base: np.ndarray) -> StationState:
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, 3.1, -2.0])
-def test_from_a_pose_through_the_bytes_of_a_cam_and_back(yaw_rad: float) -> None:
+def test_a_pose_round_trips_through_a_cam(yaw_rad: float) -> None:
     """Six kilometres from the origin, where the map's y axis is off north by 0.06 degrees."""
     map_SE3_base = se3_from_yaw([6000.0, -4000.0, 12.0], yaw_rad)
     cam = decode_cam(encode_cam(cam_of_state(state(map_SE3_base))))
@@ -124,7 +124,7 @@ def test_from_a_pose_through_the_bytes_of_a_cam_and_back(yaw_rad: float) -> None
     assert (found.speed_mps, found.length_m, found.width_m) == (13.0, 4.5, 1.8)
 
 
-def test_what_a_cam_leaves_out_is_not_a_number() -> None:
+def test_missing_values_of_a_cam_are_nan() -> None:
     full = cam_of_state(state(se3_from_yaw([5.0, 6.0, 0.0], 0.0)))
     bare = replace(full, heading_rad=None, speed_mps=math.inf, length_m=None, width_m=None, altitude_m=None)
     found = report_of_cam(bare, NOW_NS, GEODESY)
@@ -139,6 +139,8 @@ def test_what_a_cam_leaves_out_is_not_a_number() -> None:
 @pytest.mark.parametrize(
     ("latitude_deg", "longitude_deg"), [(None, 11.0), (48.0, None), (95.0, 11.0), (0.0, 101.582)]
 )
-def test_places_that_are_on_no_map(latitude_deg: float | None, longitude_deg: float | None) -> None:
+def test_positions_outside_the_projection_give_no_report(
+    latitude_deg: float | None, longitude_deg: float | None
+) -> None:
     cam = replace(cam_of_state(state(np.eye(4))), latitude_deg=latitude_deg, longitude_deg=longitude_deg)
     assert report_of_cam(cam, NOW_NS, GEODESY) is None

@@ -56,7 +56,7 @@ def winding() -> Places:
     return np.cumsum(1.2 * np.stack([np.cos(heading), np.sin(heading)], -1), axis=0)
 
 
-def test_every_place_passed_lies_by_the_line_told() -> None:
+def test_every_past_position_is_near_the_stated_line() -> None:
     path_m = winding()
     for now in range(20, len(path_m), 7):
         polyline, times_s, _ = drive(path_m[: now + 1])
@@ -67,7 +67,7 @@ def test_every_place_passed_lies_by_the_line_told() -> None:
         np.testing.assert_allclose(polyline[-1, :2], path_m[oldest], atol=0.02)
 
 
-def test_points_are_places_passed_at_their_times() -> None:
+def test_points_are_past_positions_at_their_times() -> None:
     path_m = winding()
     polyline, times_s, _ = drive(path_m)
     ages = np.round(np.cumsum(times_s) * 10).astype(int)
@@ -89,7 +89,7 @@ def test_at_most_23_points() -> None:
     assert len(polyline) == 1 + 23
 
 
-def test_standing_adds_nothing() -> None:
+def test_a_standing_vehicle_adds_no_points() -> None:
     path_m = np.concatenate([straight(60, 10), np.tile([[59.0, 0.0]], (3000, 1))])
     polyline, times_s, history = drive(path_m)
     assert len(polyline) <= 5
@@ -105,7 +105,7 @@ def test_turning_back_keeps_the_far_end() -> None:
     assert polyline[:, 0].max() == pytest.approx(17.5, abs=0.02)
 
 
-def test_nothing_before_the_first_place() -> None:
+def test_the_history_starts_at_the_first_position() -> None:
     history = PathHistory()
     place = GEODESY.to_geographic([0, 0, 0])
     history.add(0, *place)
@@ -117,7 +117,7 @@ def test_a_jump_ends_the_history() -> None:
     assert polyline[:, 1].min() > 4900
 
 
-def test_without_altitude() -> None:
+def test_altitude_is_optional() -> None:
     history = PathHistory()
     for step in range(50):
         latitude, longitude, _ = GEODESY.to_geographic([2.0 * step, 0, 0])
@@ -126,7 +126,7 @@ def test_without_altitude() -> None:
     assert first.delta_altitude_m is None
 
 
-def test_across_the_date_line() -> None:
+def test_the_history_crosses_the_date_line() -> None:
     history = PathHistory()
     for step in range(100):
         longitude = math.remainder(179.9995 + 2e-5 * step, 360)

@@ -15,7 +15,9 @@ GEOD = pyproj.Geod(ellps="WGS84")
 @pytest.mark.parametrize(
     ("yaw_deg", "heading_deg"), [(90, 0), (0, 90), (-90, 180), (180, 270), (60, 30), (91, 359)]
 )
-def test_front_side_and_compass_heading(yaw_deg: float, heading_deg: float) -> None:
+def test_the_reference_point_is_the_front_side_with_a_compass_heading(
+    yaw_deg: float, heading_deg: float
+) -> None:
     place = reference_point(GEODESY, se3_from_yaw([0, 0, 2], math.radians(yaw_deg)), 5.0)
     assert math.degrees(place.heading_rad) == pytest.approx(heading_deg, abs=1e-4)
     azimuth_deg, _, distance_m = GEOD.inv(11.0, 48.0, place.longitude_deg, place.latitude_deg)
@@ -24,7 +26,7 @@ def test_front_side_and_compass_heading(yaw_deg: float, heading_deg: float) -> N
     assert place.altitude_m == pytest.approx(502)
 
 
-def test_true_north_away_from_the_origin() -> None:
+def test_the_heading_is_to_true_north_away_from_the_origin() -> None:
     """20 km to the east, the grid's north is 0.2 degrees off; driving along the grid, the compass says so."""
     place = reference_point(GEODESY, se3_from_yaw([20_000, 0, 0], math.pi / 2), 4.0)
     converging_deg = pyproj.Proj("+proj=tmerc +lat_0=48 +lon_0=11 +k=1 +datum=WGS84").get_factors(

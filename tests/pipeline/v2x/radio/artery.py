@@ -1,4 +1,4 @@
-"""A recorded run of Artery, sent again through our medium."""
+"""Replays a recorded run of Artery through advpipe's medium."""
 
 from __future__ import annotations
 

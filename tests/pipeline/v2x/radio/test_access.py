@@ -35,18 +35,18 @@ def starts_us(
     return [one.start_ns / 1000 for one in frames]
 
 
-def test_a_free_channel_is_taken_at_once() -> None:
+def test_a_free_channel_is_used_immediately() -> None:
     assert starts_us(frame(0, 100, 7), frame(1, 1000, 7)) == [100, 1000]
 
 
-def test_a_busy_channel_is_waited_for() -> None:
+def test_a_station_waits_for_a_busy_channel() -> None:
     after = 100 + AIR_US + AIFS_US
     assert starts_us(frame(0, 100, 7), frame(1, 150, 3)) == [100, after + 3 * SLOT_US]
     assert starts_us(frame(0, 100, 7), frame(1, 100 + AIR_US + 50, 3)) == [100, after + 3 * SLOT_US]
     assert starts_us(frame(0, 100, 7), frame(1, after, 3)) == [100, after]
 
 
-def test_slots_stop_while_another_sends() -> None:
+def test_the_countdown_stops_while_another_station_sends() -> None:
     after = 100 + AIR_US + AIFS_US
     first = after + 2 * SLOT_US
     left = 9 - 2
@@ -54,16 +54,16 @@ def test_slots_stop_while_another_sends() -> None:
     assert starts_us(frame(0, 100, 0), frame(1, 150, 2), frame(2, 160, 9)) == expected
 
 
-def test_the_same_slots_collide() -> None:
+def test_equal_backoff_slots_collide() -> None:
     _, one, other = starts_us(frame(0, 100, 0), frame(1, 150, 4), frame(2, 160, 4))
     assert one == other
 
 
-def test_who_hears_nothing_does_not_wait() -> None:
+def test_a_station_that_senses_nothing_does_not_wait() -> None:
     assert starts_us(frame(0, 100, 0, heard_by=(2,)), frame(1, 150, 4)) == [100, 150]
 
 
-def test_a_station_sends_one_after_the_other() -> None:
+def test_a_station_sends_its_messages_in_sequence() -> None:
     assert starts_us(frame(0, 100, 0), frame(0, 101, 2), frame(0, 102, 1)) == [
         100,
         100 + AIR_US + AIFS_US + 2 * SLOT_US,
@@ -71,13 +71,13 @@ def test_a_station_sends_one_after_the_other() -> None:
     ]
 
 
-def test_what_waits_too_long_is_dropped() -> None:
+def test_messages_that_wait_too_long_are_dropped() -> None:
     frames = frame(0, 100, 0), frame(1, 101, 15), frame(2, 102, 0)
     start = starts_us(*frames, queue_delay_max_us=500)
     assert start == [100, pytest.approx(-0.001), 100 + AIR_US + AIFS_US]
 
 
-def test_cuts_change_nothing() -> None:
+def test_the_division_into_steps_changes_nothing() -> None:
     rng = np.random.default_rng(1)
     requests_us = np.sort(rng.uniform(0, 20_000, 60)).round(3)
     senders, slots = rng.integers(0, 3, 60), rng.integers(0, 16, 60)

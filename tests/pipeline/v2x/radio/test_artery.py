@@ -17,7 +17,7 @@ from .artery import FREE_SPACE, NAKAGAMI, Trace, by_distance
     [(FREE_SPACE, "prr_freespace.csv"), (NAKAGAMI, "prr_nakagami.csv")],
     ids=["free", "nakagami"],
 )
-def test_reception_by_distance_is_within_five_points(radio: Radio, name: str) -> None:
+def test_reception_by_distance_is_within_five_points_of_artery(radio: Radio, name: str) -> None:
     trace = Trace.recorded()
     table = trace.table(name)
     edges_m = np.append(table["dist_from_m"], table["dist_to_m"][-1]).astype(np.float64)
@@ -29,8 +29,8 @@ def test_reception_by_distance_is_within_five_points(radio: Radio, name: str) ->
 
 
 @pytest.mark.oracle
-def test_single_receptions_and_delays_in_free_space() -> None:
-    """Without chance, nearly every pair meets the same fate, and nearly every delay is the same."""
+def test_single_receptions_and_delays_in_free_space_equal_arterys() -> None:
+    """Without random draws, nearly every pair has the same outcome, and nearly every delay is the same."""
     trace = Trace.recorded()
     same = pairs = 0
     apart_us: list[float] = []

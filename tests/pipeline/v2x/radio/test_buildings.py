@@ -21,19 +21,21 @@ COURT = shapely.Polygon(shapely.box(0, 0, 30, 30).exterior, [shapely.box(10, 10,
         ((12, 1), (15, 1), 0, 3),
     ],
 )
-def test_a_square_by_hand(start: tuple, end: tuple, walls: int, inside_m: float) -> None:
+def test_a_square_equals_values_computed_by_hand(
+    start: tuple, end: tuple, walls: int, inside_m: float
+) -> None:
     found = Buildings([SQUARE]).crossings(np.array([start], float), np.array([end], float))
     assert (found[0].item(), found[1].item()) == (walls, pytest.approx(inside_m))
 
 
-def test_a_court_by_hand() -> None:
+def test_a_courtyard_equals_values_computed_by_hand() -> None:
     walls, inside_m = Buildings([COURT]).crossings(np.array([[-5.0, 15]]), np.array([[15.0, 15], [40, 15]]))
     np.testing.assert_allclose(walls, [[2, 4]])
     np.testing.assert_allclose(inside_m, [[10, 20]])
 
 
 @pytest.mark.oracle
-def test_random_towns_against_shapely() -> None:
+def test_random_towns_agree_with_shapely() -> None:
     rng = np.random.default_rng(1)
     stars = []
     for centre in rng.uniform(0, 200, (25, 2)):
@@ -52,13 +54,13 @@ def test_random_towns_against_shapely() -> None:
     assert walls.max() > 10
 
 
-def test_unwanted_pairs_stay_empty() -> None:
+def test_pairs_that_are_not_requested_are_zero() -> None:
     wanted = np.array([[True, False]])
     walls, inside_m = Buildings([SQUARE]).crossings(np.zeros((1, 2)), np.array([[30.0, 0], [30, 0]]), wanted)
     assert (walls.tolist(), inside_m.tolist()) == ([[2, 0]], [[10, 0]])
 
 
-def test_no_buildings() -> None:
+def test_without_buildings_nothing_is_crossed() -> None:
     walls, inside_m = Buildings([]).crossings(np.zeros((2, 2)), np.ones((3, 2)))
     assert walls.shape == inside_m.shape == (2, 3)
     assert not walls.any()

@@ -31,16 +31,16 @@ def test_draws_are_uniform_and_independent() -> None:
         assert abs(np.corrcoef(drawn.ravel(), other.ravel())[0, 1]) < bound
 
 
-def test_a_draw_belongs_to_its_message_and_receiver_alone() -> None:
+def test_a_draw_depends_only_on_its_message_and_receiver() -> None:
     keys, receivers = message_keys(np.arange(5), 7), np.arange(9, dtype=np.uint64)
     together = Draws(3).of_pairs("fading", keys[:, None], receivers[None])
     assert Draws(3).of_pairs("fading", keys[2:3], receivers[4:5])[0] == together[2, 4]
 
 
-def test_keys_tell_station_time_and_copy_apart() -> None:
+def test_keys_distinguish_station_time_and_copy() -> None:
     stations, times_ns, copies = np.meshgrid(np.arange(20), np.arange(20) * 10**8, np.arange(3))
     assert len(np.unique(message_keys(stations, times_ns, copies))) == 1200
 
 
-def test_one_key_is_the_same_alone() -> None:
+def test_a_key_is_the_same_in_a_batch_or_alone() -> None:
     assert message_keys(5, 7) == message_keys(np.array([4, 5]), 7)[1]

@@ -18,7 +18,7 @@ PUNCTURING = {HALF: ((1,), (1,)), TWO_THIRDS: ((1, 1), (1, 0)), THREE_QUARTERS: 
 @pytest.mark.parametrize(
     ("octets", "snr_db"), [(350, (5.66, 6.01, 6.56, 7.22)), (200, (5.50, 5.84, 6.39, 7.06))]
 )
-def test_six_mbps_as_other_simulators_have_it(octets: int, snr_db: tuple[float, ...]) -> None:
+def test_six_mbps_agrees_with_other_simulators(octets: int, snr_db: tuple[float, ...]) -> None:
     rates = success_rate(np.array(snr_db), 8 * octets, 6.0)
     np.testing.assert_allclose(rates, [0.1, 0.5, 0.9, 0.99], atol=0.012)
 
@@ -54,12 +54,12 @@ def weights(code: Code, count: int) -> list[int]:
 
 @pytest.mark.oracle
 @pytest.mark.parametrize("code", [HALF, TWO_THIRDS, THREE_QUARTERS], ids=["1/2", "2/3", "3/4"])
-def test_the_spectra_are_those_of_the_codes(code: Code) -> None:
+def test_the_spectra_equal_those_of_the_codes(code: Code) -> None:
     assert weights(code, len(code.weights)) == list(code.weights)
 
 
 @pytest.mark.parametrize("rate", MODULATIONS)
-def test_success_rises_from_none_to_all(rate: float) -> None:
+def test_success_rises_from_zero_to_one(rate: float) -> None:
     rates = success_rate(np.linspace(-20, 45, 400), 8 * 300, rate)
     assert (np.diff(rates) >= -1e-12).all()
     assert rates[0] == 0
@@ -67,14 +67,14 @@ def test_success_rises_from_none_to_all(rate: float) -> None:
 
 
 @pytest.mark.parametrize("rate", MODULATIONS)
-def test_flawless_is_certain(rate: float) -> None:
+def test_the_error_free_ratio_has_certain_success(rate: float) -> None:
     """Above it, the longest frame of 4095 bytes has a chance of one to the last bit; a little below, not."""
     sure_db = error_free_snr_db(rate)
     assert (success_rate(np.linspace(sure_db, 200, 5000), 8 * 4095, rate) == 1.0).all()
     assert success_rate(np.array(sure_db - 3), 8 * 4095, rate) < 1.0
 
 
-def test_faster_needs_more() -> None:
+def test_faster_bitrates_need_a_higher_ratio() -> None:
     needed_db = [
         np.interp(0.5, success_rate(g := np.linspace(-5, 30, 2000), 2800, r), g) for r in MODULATIONS
     ]

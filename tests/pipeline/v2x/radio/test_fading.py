@@ -15,7 +15,7 @@ def test_nakagami_is_the_gamma_distribution(distance_m: float, shape: float) -> 
     np.testing.assert_allclose(gain_db, 10 * np.log10(gamma.ppf(UNIFORM, shape, scale=1 / shape)), atol=1e-3)
 
 
-def test_nakagami_at_the_ends_of_the_draws() -> None:
+def test_nakagami_is_finite_at_the_extreme_draws() -> None:
     ends = np.array([2.0**-54, 1 - 2.0**-53])
     gain_db = nakagami_db(ends, np.array([300.0, 300.0]))
     assert gain_db[0] < -400 and 15 < gain_db[1] < 25  # noqa: PT018

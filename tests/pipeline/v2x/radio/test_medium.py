@@ -33,7 +33,7 @@ def outcomes(radio: Radio, stations: Stations, sent: Transmissions, until_ms: in
     return outcomes.outcome[np.argsort(outcomes.messages)]
 
 
-def test_noise_ends_reception_in_free_space() -> None:
+def test_noise_limits_reception_in_free_space() -> None:
     """6 dB over -98 dBm are -92 dBm: 2276 m; QPSK 1/2 goes from all to nothing within about 2 dB."""
     (fate,) = outcomes(PLAIN, on_a_road(0, 1000, 1950, 2700), sending([10], [5]))
     assert fate.tolist() == [Outcome.OWN, Outcome.RECEIVED, Outcome.RECEIVED, Outcome.NOISE]
@@ -42,7 +42,7 @@ def test_noise_ends_reception_in_free_space() -> None:
     assert fate.tolist() == [Outcome.OWN, Outcome.RECEIVED, Outcome.WEAK]
 
 
-def test_arrival() -> None:
+def test_arrival_is_after_air_time_and_propagation() -> None:
     medium = Medium(PLAIN, seed=1)
     outcomes = medium.advance(100 * MS, on_a_road(0, 299.792458), sending([10], [5])).outcomes
     (reception,) = outcomes.receptions()
@@ -51,7 +51,7 @@ def test_arrival() -> None:
     assert reception.power_dbm == pytest.approx(23 - 47.86 - 20 * np.log10(299.792458), abs=0.01)
 
 
-def test_processing_takes_time_within_its_bounds() -> None:
+def test_processing_delays_are_within_their_bounds() -> None:
     slow = PLAIN.model_copy(update={"processing_delay_min_s": 0.001, "processing_delay_max_s": 0.002})
     outcomes = (
         Medium(slow, seed=1).advance(100 * MS, on_a_road(0, *range(1, 200)), sending([10], [5])).outcomes
@@ -62,8 +62,8 @@ def test_processing_takes_time_within_its_bounds() -> None:
     assert 1.98 < delay_ms.max() <= 2.001
 
 
-def test_a_sender_hears_nothing_and_equals_destroy_each_other() -> None:
-    """Both start at once; in the middle they are equally strong, near one of them it is captured."""
+def test_a_sender_receives_nothing_and_equal_signals_collide() -> None:
+    """Both start simultaneously; in the middle they are equally strong, near one of them it is captured."""
     fate = outcomes(PLAIN, on_a_road(0, 400, 200, 20), sending([10, 11], [5, 5]))
     assert fate[0].tolist() == [Outcome.OWN, Outcome.SENDING, Outcome.INTERFERENCE, Outcome.RECEIVED]
     assert fate[1].tolist() == [Outcome.SENDING, Outcome.OWN, Outcome.INTERFERENCE, Outcome.INTERFERENCE]
@@ -79,7 +79,7 @@ def test_a_later_message_captures_only_with_6_db() -> None:
     assert (outcomes(alone, on_a_road(0, 1200, 600, 1100, 100), sent)[:, 2:] == Outcome.RECEIVED).all()
 
 
-def test_neighbours_take_turns() -> None:
+def test_neighbours_do_not_send_simultaneously() -> None:
     fate = outcomes(PLAIN, on_a_road(0, 400, 200), sending([10, 11], [5, 5.1]))
     assert fate.tolist() == [
         [Outcome.OWN, Outcome.RECEIVED, Outcome.RECEIVED],
@@ -87,7 +87,7 @@ def test_neighbours_take_turns() -> None:
     ]
 
 
-def test_busy_ratio_by_hand() -> None:
+def test_the_busy_ratio_equals_one_computed_by_hand() -> None:
     """Ten messages of 208 us in 100 ms; the far station hears those of the near one only."""
     stations = on_a_road(0, 500, 1400)
     at_ms = [1, 11, 21, 31, 41, 51, 61, 71, 81, 99.9]
@@ -120,7 +120,7 @@ def in_steps(radio: Radio, stations: Stations, sent: Transmissions, ends_ms: lis
     return steps
 
 
-def test_steps_cut_elsewhere_change_nothing() -> None:
+def test_the_division_into_steps_changes_nothing() -> None:
     stations, sent = random_drive()
     whole = in_steps(Radio(), stations, sent, [400])
     cut = in_steps(Radio(), stations, sent, [*range(3, 301, 9), 310, 400])
@@ -134,8 +134,8 @@ def test_steps_cut_elsewhere_change_nothing() -> None:
     assert len(set(whole[0].outcomes.outcome.ravel().tolist())) == 7  # everything occurs
 
 
-def test_an_unchanged_message_meets_the_same_fate() -> None:
-    """Half of the messages are taken away, the others delayed by nobody: their outcomes stay cell by cell."""
+def test_an_unchanged_message_has_the_same_outcome() -> None:
+    """Half of the messages are removed, which delays no other message: all other outcomes stay the same."""
     stations, sent = random_drive()
     alone = Radio(interference=False, carrier_sense_dbm=-30)
     all_fates = Medium(alone, seed=1).advance(400 * MS, stations, sent).outcomes
@@ -148,13 +148,13 @@ def test_an_unchanged_message_meets_the_same_fate() -> None:
     assert 0 < rows.mean() < 1
 
 
-def test_another_seed_is_another_fate() -> None:
+def test_another_seed_gives_other_outcomes() -> None:
     stations, sent = random_drive()
     one, other = (Medium(Radio(), seed=s).advance(400 * MS, stations, sent).outcomes.outcome for s in (1, 2))
     assert 0.05 < (one != other).mean() < 0.5
 
 
-def test_stations_come_and_go() -> None:
+def test_stations_may_appear_and_leave() -> None:
     medium = Medium(PLAIN, seed=1)
     two = on_a_road(0, 100)
     sent = sending([10, 11, 11], [99.9, 99.95, 99.97])
@@ -167,7 +167,7 @@ def test_stations_come_and_go() -> None:
     assert sorted(outcomes.dropped.tolist()) == [1, 2]
 
 
-def test_nobody_and_nothing() -> None:
+def test_no_stations_and_no_messages_are_accepted() -> None:
     empty = Stations(np.empty(0, np.int64), np.empty((0, 3)))
     medium = Medium(Radio(), seed=1)
     for end_ms in (100, 200):
@@ -185,7 +185,7 @@ def test_nobody_and_nothing() -> None:
         (200, sending([99], [150]), "station 99 sends but is not on the road"),
     ],
 )
-def test_what_does_not_fit_is_refused(until_ms: int, sent: Transmissions, message: str) -> None:
+def test_inconsistent_transmissions_are_refused(until_ms: int, sent: Transmissions, message: str) -> None:
     medium = Medium(Radio(), seed=1)
     medium.advance(100 * MS, on_a_road(0, 10), Transmissions.none())
     with pytest.raises(ValueError, match=message):

@@ -7,7 +7,7 @@ from advpipe.pipeline.v2x.section import Radio
 RADIO = Radio()
 
 
-def test_free_space_at_one_metre() -> None:
+def test_free_space_loss_at_one_metre_is_known() -> None:
     loss_db = PATH_LOSS["free_space"](np.array([1.0, 0.1, 10.0]), RADIO)
     np.testing.assert_allclose(loss_db, [47.86, 47.86, 67.86], atol=0.005)
 
@@ -15,7 +15,7 @@ def test_free_space_at_one_metre() -> None:
 @pytest.mark.parametrize(
     ("model", "reach_m"), [("free_space", (720, 1017, 1612, 2276)), ("dual_slope", (268, 319, 401, 477))]
 )
-def test_reach_at_23_dbm(model: str, reach_m: tuple[float, ...]) -> None:
+def test_the_reach_at_23_dbm_is_known(model: str, reach_m: tuple[float, ...]) -> None:
     received_dbm = 23 - PATH_LOSS[model](np.array(reach_m, np.float64), RADIO)
     np.testing.assert_allclose(received_dbm, [-82, -85, -89, -92], atol=0.03)
 

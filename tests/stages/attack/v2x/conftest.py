@@ -1,4 +1,4 @@
-"""What attacks make of one attacker's messages, and short drives, recorded once for all tests."""
+"""The result of attacks on one attacker's messages, and short drives, recorded once for all tests."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from one_attacker import ATTACKER, OTHER, START_NS
 
 COARSE = ("sensors.lidars.lidar.channels=2", "sensors.lidars.lidar.points_per_second=4000")
 
-Strike = Callable[..., list[Cam]]
+AttackedCams = Callable[..., list[Cam]]
 
 
-def _context(word: str, active: Callable[[int], bool], seed: int) -> AttackContext:
+def _context(name: str, active: Callable[[int], bool], seed: int) -> AttackContext:
     return AttackContext(
-        name=word,
+        name=name,
         seed=seed,
         seed_name="",
         attackers=(ATTACKER,),
@@ -52,34 +52,34 @@ def _context(word: str, active: Callable[[int], bool], seed: int) -> AttackConte
 
 
 @pytest.fixture
-def strike() -> Strike:
-    """What attacker 7's messages say after an attack, one step of a second after the other.
+def attacked_cams() -> AttackedCams:
+    """The CAMs of attacker 7 after an attack, in steps of one second.
 
-    Another station says the same, and has to be left alone.
+    Another station sends the same messages, which must not change.
     """
 
     def run(
-        word: str, messages: Sequence[Sent], from_ms: int = 0, seed: int = 1, **parameters: Any
+        name: str, messages: Sequence[Sent], from_ms: int = 0, seed: int = 1, **parameters: Any
     ) -> list[Cam]:
-        attack = find_attack(word)(
-            _context(word, lambda time_ns: time_ns >= START_NS + from_ms * 1_000_000, seed), **parameters
+        attack = find_attack(name)(
+            _context(name, lambda time_ns: time_ns >= START_NS + from_ms * 1_000_000, seed), **parameters
         )
         radios = tuple(
             RadioPlace(station, str(station), np.eye(4), (4.5, 1.8, 1.5), np.zeros(3))
             for station in (ATTACKER, OTHER)
         )
-        told = []
+        reported = []
         for begin_ms in range(0, 1 + max(one.request_ns - START_NS for one in messages) // 1_000_000, 1000):
             begin_ns = START_NS + begin_ms * 1_000_000
             end_ns = begin_ns + 1_000_000_000
-            mine = [one for one in messages if begin_ns <= one.request_ns < end_ns]
-            others = [replace(one, station_id=OTHER, number=one.number + 100_000) for one in mine]
-            edited = attack.edit(V2xStep(begin_ns, end_ns, radios, (*mine, *others)), (*mine, *others))
+            own = [one for one in messages if begin_ns <= one.request_ns < end_ns]
+            others = [replace(one, station_id=OTHER, number=one.number + 100_000) for one in own]
+            edited = attack.edit(V2xStep(begin_ns, end_ns, radios, (*own, *others)), (*own, *others))
             assert [one for one in edited if one.station_id == OTHER] == others
-            told += [decode_cam(one.payload) for one in edited if one.station_id == ATTACKER]
+            reported += [decode_cam(one.payload) for one in edited if one.station_id == ATTACKER]
             same = [replace(one, payload=b"") for one in edited if one.station_id == ATTACKER]
-            assert same == [replace(one, payload=b"") for one in mine]
-        return told
+            assert same == [replace(one, payload=b"") for one in own]
+        return reported
 
     return run
 
@@ -89,7 +89,7 @@ Record = Callable[..., BagReader]
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Record:
-    """Records the scenario `smoke`, all equipped and next to no LiDAR, with other settings, each once."""
+    """Records the scenario `smoke` once per settings, with all vehicles equipped and a minimal LiDAR."""
 
     @cache
     def record(*settings: str) -> BagReader:

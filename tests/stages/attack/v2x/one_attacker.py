@@ -1,4 +1,4 @@
-"""Station 7's messages, made by hand: tests import them from here, and `strike` from `conftest.py`."""
+"""Station 7's messages, made by hand: tests import them from here, and `attacked_cams` from `conftest.py`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ START_NS = 1_700_000_000_000_000_000
 ATTACKER, OTHER = 7, 8
 
 
-def honest(time_ms: int, **fields: Any) -> Sent:
-    """What station 7 says at 48 degrees north and 11 east, heading east at 10 m/s."""
+def genuine(time_ms: int, **fields: Any) -> Sent:
+    """A genuine message of station 7 at 48 degrees north and 11 east, heading east at 10 m/s."""
     time_ns = START_NS + time_ms * 1_000_000
     cam = Cam(
         station_id=ATTACKER,

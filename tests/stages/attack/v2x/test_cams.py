@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from one_attacker import honest
+from one_attacker import genuine
 
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
@@ -15,15 +15,15 @@ OTHER = {"heading_rad": None, "speed_mps": math.inf, "acceleration_control": Non
 
 
 @pytest.mark.parametrize("fields", [{}, OTHER])
-def test_fields_are_those_of_a_cam(fields):
-    tree = decode_cam_tree(honest(0, **fields).payload)
+def test_fields_match_the_cam(fields):
+    tree = decode_cam_tree(genuine(0, **fields).payload)
     cam = cam_of_tree(tree)
     assert {name: field_of(tree, name) for name in FIELDS} == {name: getattr(cam, name) for name in FIELDS}
     assert values(tree) == {name: getattr(cam, name) for name in FIELDS}
 
 
-def test_what_is_retold_and_nothing_else():
-    tree = decode_cam_tree(honest(0).payload)
+def test_with_fields_changes_the_given_fields_only():
+    tree = decode_cam_tree(genuine(0).payload)
     new = with_fields(tree, speed_mps=3.21, station_id=99, acceleration_control=64)
     assert {name for name in FIELDS if field_of(new, name) != field_of(tree, name)} == {
         "speed_mps",
@@ -46,10 +46,10 @@ def test_what_is_retold_and_nothing_else():
         with_fields(tree, speed_mps=-1.0)
 
 
-def test_bytes_that_are_no_cam_and_those_of_a_closed_one():
+def test_invalid_bytes_open_as_none_and_closed_cams_round_trip():
     cams = CamEditor()
     assert cams.open(b"\xff" * 20) is None
-    tree = with_fields(decode_cam_tree(honest(0).payload), speed_mps=1.0)
+    tree = with_fields(decode_cam_tree(genuine(0).payload), speed_mps=1.0)
     payload = cams.close(tree)
     assert cams.open(payload) is tree
     cams.forget()

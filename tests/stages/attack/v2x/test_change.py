@@ -27,8 +27,8 @@ from advpipe.stages.attack.v2x.change import V2xChange, forge
 JAM = ("v2x.radio.bitrate_mbps=3", "v2x.radio.overhead_bytes=1500", "v2x.cam={speed_mps: 0}")
 
 
-def spec(word: str, **keys):
-    return attack_spec({"type": word, **keys})
+def spec(name: str, **keys):
+    return attack_spec({"type": name, **keys})
 
 
 def by_topic(messages: Sequence[RawMessage]) -> dict[str, list[RawMessage]]:
@@ -63,7 +63,7 @@ def vehicle(reader: BagReader, index: int = 0) -> str:
     ids=["plain", "jammed, two listeners"],
 )
 @pytest.mark.parametrize("dcc_reacts", [False, True])
-def test_without_an_active_attack_all_is_as_it_was(recorded, tmp_path, settings, dcc_reacts):
+def test_without_an_active_attack_all_messages_are_unchanged(recorded, tmp_path, settings, dcc_reacts):
     reader = recorded(*settings)
     late = spec("cam-dos", schedule={"from_s": 2.95}, attackers={"vehicles": ("ego",)})
     with pytest.raises(AdvpipeError, match=r"cam-dos: its schedule begins at 2\.95 s"):
@@ -77,36 +77,36 @@ def test_without_an_active_attack_all_is_as_it_was(recorded, tmp_path, settings,
     assert change.held_back == 0
 
 
-def test_a_lie_reaches_maps_and_nothing_else_changes(recorded, tmp_path):
+def test_a_false_position_reaches_ldms_and_nothing_else_changes(recorded, tmp_path):
     """One station is 30 m farther east in the victim's map, from one second on; all others stay."""
     reader = recorded()
-    liar = vehicle(reader)
-    (number,) = [n for n, name in V2xDrive(reader).stations.items() if name == liar]
+    attacker = vehicle(reader)
+    (number,) = [n for n, name in V2xDrive(reader).stations.items() if name == attacker]
     attack = spec(
         "cam-position-offset",
         parameters={"x_m": 30.0, "rebuild_path": False},
-        attackers={"vehicles": [liar]},
+        attackers={"vehicles": [attacker]},
         schedule={"from_s": 1.0},
     )
     change = forge(reader, [attack], 1)
     mine, before = (by_topic(m) for m in (list(change.messages()), list(reader.raw_messages(change.topics))))
     assert set(mine) == set(before)
     start_ns = min(m.log_time_ns for m in reader.raw_messages([V2X_STATIONS.name]))
-    lies = 0
+    false_count = 0
     for new, old in zip(mine[V2X_SENT.name], before[V2X_SENT.name], strict=True):
         new_sent, old_sent = (sent_of_message(reader.decode(m)) for m in (new, old))
         assert replace(new_sent, payload=b"") == replace(old_sent, payload=b"")
         is_attacked = old_sent.station_id == number and old_sent.request_ns >= start_ns + 1_000_000_000
-        lies += is_attacked
+        false_count += is_attacked
         assert (new_sent.payload != old_sent.payload) == is_attacked
         if is_attacked:
-            told, true = decode_cam(new_sent.payload), decode_cam(old_sent.payload)
+            falsified, true = decode_cam(new_sent.payload), decode_cam(old_sent.payload)
             # 111.3 km on the equator's degree, by the cosine of 48.1 degrees: 74.5 km on this one
-            assert (told.longitude_deg - true.longitude_deg) * 74_480 == pytest.approx(30, abs=0.05)
-            assert replace(told, longitude_deg=0, latitude_deg=0) == replace(
+            assert (falsified.longitude_deg - true.longitude_deg) * 74_480 == pytest.approx(30, abs=0.05)
+            assert replace(falsified, longitude_deg=0, latitude_deg=0) == replace(
                 true, longitude_deg=0, latitude_deg=0
             )
-    assert lies >= 3
+    assert false_count >= 3
     assert [(m.log_time_ns, len(m.cdr)) for m in mine["/ego/v2x/rx/raw"]] == [
         (m.log_time_ns, len(m.cdr)) for m in before["/ego/v2x/rx/raw"]
     ]
@@ -121,9 +121,9 @@ def test_a_lie_reaches_maps_and_nothing_else_changes(recorded, tmp_path):
             moved += offset_m > 1
     assert moved >= 3
     rows = labels_of(change, tmp_path)
-    assert len(rows) == lies
+    assert len(rows) == false_count
     assert {(row["attack"], row["attacker"], row["action"]) for row in rows} == {
-        ("cam-position-offset", liar, "changed")
+        ("cam-position-offset", attacker, "changed")
     }
     for row in rows:
         assert row["false_x_m"] - row["true_x_m"] == pytest.approx(30, abs=0.02)
@@ -133,7 +133,7 @@ def test_a_lie_reaches_maps_and_nothing_else_changes(recorded, tmp_path):
         assert set(row["fields"].split(",")) <= {"latitude_deg", "longitude_deg"}
 
 
-def test_a_zero_speed_report_of_a_standing_car_is_no_lie(recorded, tmp_path):
+def test_zero_speed_of_a_standing_car_has_no_effect(recorded, tmp_path):
     reader = recorded()
     attack = spec("cam-speed-constant", parameters={"speed_mps": 0.0}, attackers={"share": 1.0})
     rows = labels_of(forge(reader, [attack], 1), tmp_path)
@@ -148,7 +148,7 @@ def test_same_seed_same_bytes(recorded):
     assert runs[0] == runs[1] != runs[2]
 
 
-def test_a_roadside_unit_is_on_the_air_and_in_the_stations(recorded, tmp_path):
+def test_a_roadside_unit_transmits_and_is_among_the_stations(recorded, tmp_path):
     reader = recorded()
     unit = {"roadside_unit": {"x_m": 5.0, "y_m": -8.0}}
     change = forge(reader, [spec("cam-dos-random", attackers=unit, parameters={"rate_hz": 20.0})], 1)
@@ -164,7 +164,7 @@ def test_a_roadside_unit_is_on_the_air_and_in_the_stations(recorded, tmp_path):
         forge(reader, [spec("cam-speed-constant", attackers=unit)], 1)
 
 
-def test_a_flood_reaches_others_and_their_congestion_control_if_asked(recorded):
+def test_a_flood_affects_others_congestion_control_with_dcc_reacts(recorded):
     reader = recorded(*JAM)
     flood = spec("cam-dos", attackers={"vehicles": [vehicle(reader)]}, parameters={"rate_hz": 200.0})
     calm, quiet = forge(reader, [flood], 1), forge(reader, [flood], 1, dcc_reacts=True)
@@ -178,7 +178,7 @@ def test_a_flood_reaches_others_and_their_congestion_control_if_asked(recorded):
     assert len(clean - {m.cdr for m in messages[0]["/ego/v2x/rx/raw"]}) > 10  # lost, or later
 
 
-def test_without_congestion_control_none_can_react(recorded):
+def test_dcc_reacts_without_congestion_control_is_refused(recorded):
     reader, flood = recorded("v2x.cam.dcc=none"), spec("cam-dos")
     with pytest.raises(AdvpipeError, match=r"recorded without congestion control .*; leave out dcc_reacts"):
         forge(reader, [flood], 1, dcc_reacts=True)
@@ -200,18 +200,18 @@ class Spoofed:
         ]
 
 
-def test_editors_come_first(recorded, tmp_path):
-    """An attacker whose messages are spoilt before has nothing left to lie with."""
+def test_editors_run_before_attacks(recorded, tmp_path):
+    """An attacker whose messages are corrupted before has no CAM left to falsify."""
     reader = recorded()
-    liar = vehicle(reader)
-    (number,) = [n for n, name in V2xDrive(reader).stations.items() if name == liar]
-    attack = spec("cam-speed-constant", attackers={"vehicles": [liar]})
+    attacker = vehicle(reader)
+    (number,) = [n for n, name in V2xDrive(reader).stations.items() if name == attacker]
+    attack = spec("cam-speed-constant", attackers={"vehicles": [attacker]})
     change = forge(reader, [attack], 1, [Spoofed(number)])
     rows = labels_of(change, tmp_path)
     assert change.counts()["CAMs made invalid"] == change.counts()["CAMs corrupt"] == len(rows) / 2 > 2
     assert {(row["attack"], row["attacker"], row["sender"], row["action"]) for row in rows} == {
-        ("gnss-test", "", liar, "changed"),
-        ("cam-speed-constant", liar, liar, "corrupt"),
+        ("gnss-test", "", attacker, "changed"),
+        ("cam-speed-constant", attacker, attacker, "corrupt"),
     }
     assert all(row["mattered"] == (row["attack"] == "gnss-test") for row in rows)
 
@@ -226,8 +226,8 @@ def copy(reader: BagReader, out: Path, keep) -> BagReader:
 
 def test_a_corrupt_cam_is_kept_counted_and_labelled(recorded, tmp_path):
     reader = recorded()
-    liar = vehicle(reader)
-    (number,) = [n for n, name in V2xDrive(reader).stations.items() if name == liar]
+    attacker = vehicle(reader)
+    (number,) = [n for n, name in V2xDrive(reader).stations.items() if name == attacker]
     spoilt: list[int] = []
 
     def keep(raw: RawMessage) -> RawMessage:
@@ -239,7 +239,7 @@ def test_a_corrupt_cam_is_kept_counted_and_labelled(recorded, tmp_path):
         return raw
 
     damaged = copy(reader, tmp_path / "damaged", keep)
-    change = forge(damaged, [spec("cam-heading-reversed", attackers={"vehicles": [liar]})], 1)
+    change = forge(damaged, [spec("cam-heading-reversed", attackers={"vehicles": [attacker]})], 1)
     messages = by_topic(list(change.messages()))[V2X_SENT.name]
     kept = [one for m in messages if (one := sent_of_message(reader.decode(m))).number == spoilt[0]]
     assert len(kept[0].payload) == 9
@@ -249,12 +249,12 @@ def test_a_corrupt_cam_is_kept_counted_and_labelled(recorded, tmp_path):
     assert sum(row["action"] == "changed" for row in rows) > 2
 
 
-def test_what_met_nothing_is_told(recorded, tmp_path):
+def test_attacks_that_met_no_cam_are_counted(recorded, tmp_path):
     """Whose CAMs are all dropped tells no false speed; nor does anybody between two messages."""
     reader = recorded()
     own = {"vehicles": [vehicle(reader)]}
-    kinds = ("cam-heading-reversed", "cam-drop", "cam-speed-constant")
-    change = forge(reader, [spec(kind, attackers=own) for kind in kinds], 1)
+    names = ("cam-heading-reversed", "cam-drop", "cam-speed-constant")
+    change = forge(reader, [spec(name, attackers=own) for name in names], 1)
     change.write_labels(tmp_path)
     idle = {what: count for what, count in change.counts().items() if what.startswith("attack")}
     assert idle == {"attack that met no CAM: cam-speed-constant": 1}
@@ -263,7 +263,7 @@ def test_what_met_nothing_is_told(recorded, tmp_path):
     assert change.counts() == {"attack that met no CAM: cam-drop": 1}
 
 
-def test_bad_input(recorded, tmp_path):
+def test_invalid_input_is_a_one_line_error(recorded, tmp_path):
     reader = recorded()
     with pytest.raises(AdvpipeError, match=r"cam-drop: attacker 'nobody' has no radio in .*; stations are"):
         forge(reader, [spec("cam-drop", attackers={"vehicles": ["nobody"]})], 1)

@@ -27,7 +27,7 @@ def kept(congestion: Congestion, busy_ratio: float, steps: int) -> dict[int, lis
     return found
 
 
-def test_a_full_channel_slows_down_those_who_obey():
+def test_a_full_channel_slows_down_benign_stations():
     """Above 0.59 for a second, a station is restrictive: 460 ms, so every fifth of its messages passes."""
     congestion = Congestion(CamRules(), frozenset({2}))
     found = kept(congestion, 0.7, 30)
@@ -36,6 +36,6 @@ def test_a_full_channel_slows_down_those_who_obey():
     assert congestion.held_back == 16
 
 
-def test_a_free_channel_holds_nothing_back():
+def test_a_free_channel_holds_back_no_message():
     congestion = Congestion(CamRules(), frozenset())
     assert kept(congestion, 0.18, 30) == {1: list(range(30)), 2: list(range(30))}

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from v2x_lane import BEGIN_NS, STEP_NS, context, edited, lane, said, time_s
+from v2x_lane import BEGIN_NS, STEP_NS, context, decoded, edited, lane, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.attack.v2x.ghosts_ahead import GhostBrake, GhostStop
@@ -15,36 +15,36 @@ def ghosts(attack, drive):
     return [one for one in edited(attack, drive) if one.number >= 10**6]
 
 
-def test_it_stands_at_the_safety_distance():
-    """The victim's front is at 50 + 2.25 m; the ghost's own is 4.5 m beyond its rear."""
-    told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 50.0}, 20))
-    assert {one.station_id for one in told} == {1}
-    assert len({said(one)[0].station_id for one in told} - {1, 2}) == 1
-    for one in told:
-        cam, report = said(one)
+def test_the_ghost_vehicle_stands_at_the_safety_distance():
+    """The victim's front is at 50 + 2.25 m; the ghost vehicle's own is 4.5 m beyond its rear."""
+    messages = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 50.0}, 20))
+    assert {one.station_id for one in messages} == {1}
+    assert len({decoded(one)[0].station_id for one in messages} - {1, 2}) == 1
+    for one in messages:
+        cam, report = decoded(one)
         assert report.front_m == pytest.approx((52.25 + GAP_M + 4.5, 0, 0), abs=0.02)
         assert (cam.speed_mps, cam.longitudinal_acceleration_mps2) == (0, 0)
         assert report.yaw_rad == pytest.approx(0, abs=0.002)
 
 
-def test_it_tells_of_itself_as_seldom_as_who_stands_does():
+def test_a_standing_ghost_vehicle_sends_at_the_lowest_rate():
     """First 0.1 to 0.2 s after it came; that interval holds for three CAMs more, and then the longest."""
-    told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 0.0}, 22))
-    assert 0.1 <= time_s(told[0].request_ns) < 0.2
-    assert np.diff([one.request_ns for one in told]).tolist() == [2 * 10**8] * 3 + [10**9]
-    assert said(told[0])[0].low_frequency is not None
+    messages = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 0.0}, 22))
+    assert 0.1 <= time_s(messages[0].request_ns) < 0.2
+    assert np.diff([one.request_ns for one in messages]).tolist() == [2 * 10**8] * 3 + [10**9]
+    assert decoded(messages[0])[0].low_frequency is not None
 
 
-def test_once_passed_another_one_stands_ahead():
-    """The ghost's middle is 22.58 m ahead of the victim's front, which is there after 2.26 s."""
+def test_a_passed_ghost_vehicle_is_replaced_by_another_ahead():
+    """The ghost vehicle's middle is 22.58 m ahead of the victim's front, which is there after 2.26 s."""
     drive = lane({1: 0.0, 2: 0.0}, 45)
-    told = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), drive)
-    first, second = dict.fromkeys(said(one)[0].station_id for one in told)
-    starts_m = {said(one)[0].station_id: said(one)[1].front_m[0] for one in told}
+    messages = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), drive)
+    first, second = dict.fromkeys(decoded(one)[0].station_id for one in messages)
+    starts_m = {decoded(one)[0].station_id: decoded(one)[1].front_m[0] for one in messages}
     assert starts_m[second] - starts_m[first] == pytest.approx(10 * 2.3, abs=0.02)
 
 
-def test_only_before_who_drives():
+def test_ghost_vehicles_appear_only_ahead_of_moving_targets():
     slow = [
         step._replace(
             radios=tuple(radio._replace(velocity_mps=radio.velocity_mps * 0.2) for radio in step.radios)
@@ -55,27 +55,27 @@ def test_only_before_who_drives():
     assert ghosts(GhostStop(context("cam-ghost-stop", victim=2), from_speed_mps=2.0), slow)
 
 
-def test_without_a_victim_each_attacker_haunts_its_own_way():
-    told = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 2))), lane({1: 0.0, 2: 50.0}, 15))
-    fronts_m = {one.station_id: said(one)[1].front_m[0] for one in told}
+def test_without_a_victim_each_attacker_is_a_target():
+    messages = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 2))), lane({1: 0.0, 2: 50.0}, 15))
+    fronts_m = {one.station_id: decoded(one)[1].front_m[0] for one in messages}
     assert fronts_m == pytest.approx({1: 2.25 + GAP_M + 4.5, 2: 52.25 + GAP_M + 4.5}, abs=0.02)
 
 
-def test_the_nearest_attacker_sends_and_has_an_heir():
+def test_the_nearest_attacker_sends_and_another_takes_over():
     drive = lane({1: 0.0, 3: 90.0, 2: 50.0}, 40, leaves={3: 10})
-    told = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 3), victim=2)), drive)
-    senders = [one.station_id for one in told if time_s(one.request_ns) < 2.0]
+    messages = ghosts(GhostStop(context("cam-ghost-stop", attackers=(1, 3), victim=2)), drive)
+    senders = [one.station_id for one in messages if time_s(one.request_ns) < 2.0]
     assert (senders[0], senders[-1]) == (3, 1)
-    assert len({said(one)[0].station_id for one in told if time_s(one.request_ns) < 2.0}) == 1
+    assert len({decoded(one)[0].station_id for one in messages if time_s(one.request_ns) < 2.0}) == 1
 
 
-def test_it_brakes_as_it_says():
+def test_the_braking_ghost_vehicle_moves_as_claimed():
     """At the victim's 10 m/s, 10 m ahead, for 2 s; then at 8 m/s2, for 1.25 s and 6.25 m, and stands."""
     drive = lane({1: 0.0, 2: 0.0}, 34)
-    told = [said(one) for one in ghosts(GhostBrake(context("cam-ghost-brake", victim=2)), drive)]
-    times_s = [time_s(report.generation_ns) for _, report in told]
-    fronts_m = [report.front_m[0] - (2.25 + 10 + 4.5) for _, report in told]
-    for (cam, _), at_s, front_m in zip(told, times_s, fronts_m, strict=True):
+    messages = [decoded(one) for one in ghosts(GhostBrake(context("cam-ghost-brake", victim=2)), drive)]
+    times_s = [time_s(report.generation_ns) for _, report in messages]
+    fronts_m = [report.front_m[0] - (2.25 + 10 + 4.5) for _, report in messages]
+    for (cam, _), at_s, front_m in zip(messages, times_s, fronts_m, strict=True):
         braking_s = min(max(at_s - 2, 0), 1.25)
         way_m = 10 * (min(at_s, 2) + braking_s) - 4 * braking_s**2
         assert front_m == pytest.approx(way_m, abs=0.02)
@@ -90,10 +90,12 @@ def test_it_brakes_as_it_says():
 
 @pytest.mark.parametrize("ahead_s", [0.0, 0.8])
 def test_generation_times_ahead(ahead_s):
-    told = ghosts(GhostStop(context("cam-ghost-stop", victim=2), ahead_s=ahead_s), lane({1: 0.0, 2: 0.0}, 20))
-    for one in told:
+    messages = ghosts(
+        GhostStop(context("cam-ghost-stop", victim=2), ahead_s=ahead_s), lane({1: 0.0, 2: 0.0}, 20)
+    )
+    for one in messages:
         begin_ns = BEGIN_NS + (one.request_ns - BEGIN_NS) // STEP_NS * STEP_NS
-        assert said(one)[1].generation_ns - begin_ns == ahead_s * 1e9
+        assert decoded(one)[1].generation_ns - begin_ns == ahead_s * 1e9
 
 
 def test_bad_parameters():

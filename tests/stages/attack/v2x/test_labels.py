@@ -1,4 +1,4 @@
-"""Labels of messages that are late, missing, or of nobody."""
+"""Labels of delayed and dropped messages, and of ghost vehicles."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.v2x.change import forge
 
 
-def rows_of(reader, folder, word, **keys):
-    change = forge(reader, [attack_spec({"type": word, **keys})], 1)
+def rows_of(reader, folder, name, **keys):
+    change = forge(reader, [attack_spec({"type": name, **keys})], 1)
     change.write_labels(folder)
     return pq.read_table(folder / FILE).to_pylist()
 
@@ -23,7 +23,7 @@ def sent_by(reader, stations):
     return [one for step in V2xDrive(reader).steps() for one in step.sent if one.station_id in stations]
 
 
-def test_delayed(recorded, tmp_path):
+def test_delayed_messages_are_labelled(recorded, tmp_path):
     """Half a second late each; what would leave after the end is never sent."""
     reader = recorded()
     parameters = {"delay_min_s": 0.5, "delay_max_s": 0.5}
@@ -48,7 +48,7 @@ def test_delayed(recorded, tmp_path):
     assert {row["mattered"] for row in rows if row["action"] == "delayed"} == {True, False}
 
 
-def test_ghosts_have_no_truth(recorded, tmp_path):
+def test_labels_of_ghost_vehicles_have_no_true_values(recorded, tmp_path):
     rows = rows_of(recorded(), tmp_path, "cam-sybil-grid", victim="ego")
     assert rows
     for row in rows:
@@ -58,19 +58,19 @@ def test_ghosts_have_no_truth(recorded, tmp_path):
         assert row["false_x_m"] is not None
 
 
-def test_a_share_is_drawn_among_those_without_instruments(recorded, tmp_path):
-    """Of 40 stations or so, three tenths lie: rounded, and never the ego vehicle."""
+def test_a_share_of_attackers_excludes_instrumented_vehicles(recorded, tmp_path):
+    """Of 40 stations or so, three tenths are attackers: rounded, and never the ego vehicle."""
     reader = recorded()
     drive = V2xDrive(reader)
     parameters = {"length_m": 5.0}
     rows = rows_of(reader, tmp_path, "cam-dimensions", parameters=parameters, attackers={"share": 0.3})
     talking = {one.station_id for one in sent_by(reader, set(drive.stations))}
-    liars = {row["station_id"] for row in rows}
-    assert not liars & set(drive.listeners)
-    assert len(liars) == pytest.approx(
+    attackers = {row["station_id"] for row in rows}
+    assert not attackers & set(drive.listeners)
+    assert len(attackers) == pytest.approx(
         0.3 * len(drive.stations), abs=0.5 + len(drive.stations) - len(talking)
     )
     twice = rows_of(reader, tmp_path, "cam-heading-reversed", attackers={"share": 0.3})
-    assert {row["station_id"] for row in twice} == liars  # the same for each attack
+    assert {row["station_id"] for row in twice} == attackers  # the same for each attack
     other = rows_of(reader, tmp_path, "cam-dimensions", seed_name="b", attackers={"share": 0.3})
-    assert {row["station_id"] for row in other} != liars
+    assert {row["station_id"] for row in other} != attackers

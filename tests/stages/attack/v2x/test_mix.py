@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pyarrow.parquet as pq
 import pytest
-from one_attacker import honest
+from one_attacker import genuine
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import attack_spec
@@ -10,28 +10,30 @@ from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.attack.v2x.mix import MIXES
 
 
-def test_each_attacker_draws_one(strike):
+def test_each_attacker_draws_one_attack(attacked_cams):
     """Either it is longer, or it heads the other way; never both, and both occur."""
-    messages = [honest(0)]
-    kinds = set()
+    messages = [genuine(0)]
+    combinations = set()
     for seed in range(12):
-        (told,) = strike("cam-mix", messages, seed=seed, attacks="cam-heading-reversed,cam-dimensions")
-        kinds.add((told.length_m > 4.5, told.heading_rad > 4))
-    assert kinds == {(True, False), (False, True)}
+        (reported,) = attacked_cams(
+            "cam-mix", messages, seed=seed, attacks="cam-heading-reversed,cam-dimensions"
+        )
+        combinations.add((reported.length_m > 4.5, reported.heading_rad > 4))
+    assert combinations == {(True, False), (False, True)}
 
 
-def test_a_constant_speed_of_nextgen_is_zero(strike, monkeypatch):
+def test_a_constant_speed_of_nextgen_is_zero(attacked_cams, monkeypatch):
     """Its zero speed report; F2MD's is drawn."""
     for name, drawn in (("nextgen", False), ("f2md", True)):
         alone = [one for one in MIXES[name]() if one.name == "cam-speed-constant"]
         monkeypatch.setitem(MIXES, name, lambda alone=alone: alone)
-        (told,) = strike("cam-mix", [honest(0)], attacks=name)
-        assert (told.speed_mps > 0) == drawn
+        (reported,) = attacked_cams("cam-mix", [genuine(0)], attacks=name)
+        assert (reported.speed_mps > 0) == drawn
 
 
-def test_no_attack(strike):
+def test_names_that_cannot_be_mixed_are_refused(attacked_cams):
     with pytest.raises(AdvpipeError, match="'cam-mix' cannot be mixed"):
-        strike("cam-mix", [honest(0)], attacks="cam-dimensions, cam-mix")
+        attacked_cams("cam-mix", [genuine(0)], attacks="cam-dimensions, cam-mix")
 
 
 F2MD = """
@@ -45,7 +47,7 @@ speed-frozen heading-reversed feigned-braking acceleration delay dos sybil-conge
 """
 
 
-def test_mixes_are_those_of_the_catalogues():
+def test_mixes_match_the_catalogues():
     """In the order of the numbers that the data sets give them; mixing is not mixed."""
     names = {mix: [one.name for one in MIXES[mix]()] for mix in MIXES}
     assert names["f2md"] == [f"cam-{name}" for name in F2MD.split()]

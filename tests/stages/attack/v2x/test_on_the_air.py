@@ -1,4 +1,4 @@
-"""What attacks do to a recorded drive once it has been sent again, and that tshark reads every lie."""
+"""Effects of attacks on the retransmitted drive; tshark decodes every false message."""
 
 from __future__ import annotations
 
@@ -29,8 +29,18 @@ from advpipe.stages.attack.v2x.replay import CamReplay, DisruptiveReplay
 from advpipe.stages.attack.v2x.sybil import SybilCongestion, SybilGrid, SybilReplay
 from advpipe.stages.simulate.run import simulate
 
-KINDS = (CamReplay, DisruptiveReplay, Stale, Delay, Masquerade, Dos, DosRandom, DosDisruptive, DosRandomSybil)
-KINDS += (DosDisruptiveSybil, SybilGrid, SybilReplay, SybilCongestion, GhostStop, GhostBrake)
+ATTACK_CLASSES = (
+    CamReplay,
+    DisruptiveReplay,
+    Stale,
+    Delay,
+    Masquerade,
+    Dos,
+    DosRandom,
+    DosDisruptive,
+    DosRandomSybil,
+)
+ATTACK_CLASSES += (DosDisruptiveSybil, SybilGrid, SybilReplay, SybilCongestion, GhostStop, GhostBrake)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +85,7 @@ def clean(reader):
     return received, TypeAdapter(Statistics).validate_json(message.data)
 
 
-def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):
+def test_a_flood_raises_the_channel_load(reader, beside_ego, tmp_path):
     """1500 messages a second of 0.2 ms: the channel near by is a good quarter busier; others lose more."""
     schedule = {"from_s": 2.0, "to_s": 3.0}
     received, _, statistics, labels = sent_again(
@@ -98,8 +108,8 @@ def test_a_flood_fills_the_channel(reader, beside_ego, tmp_path):
     assert theirs < 0.97 * before.total()
 
 
-def test_ghosts_stand_in_the_map(reader, beside_ego, tmp_path):
-    """Five ghosts of a radio 30 m away: all in the ego's map, not one of them on the road."""
+def test_ghost_vehicles_are_in_the_local_dynamic_map(reader, beside_ego, tmp_path):
+    """Five ghost vehicles of a radio 30 m away: all in the ego's map, not one of them on the road."""
     _, maps, _, labels = sent_again(
         *(reader, tmp_path / "labels"),
         type="cam-sybil-grid",
@@ -116,7 +126,7 @@ def test_ghosts_stand_in_the_map(reader, beside_ego, tmp_path):
     assert {row["attacker"] for row in labels} == {"roadside_unit_1"}
 
 
-def test_who_drops_disappears(reader, tmp_path):
+def test_no_message_of_an_attacker_that_drops_is_received(reader, tmp_path):
     received, _, _, labels = sent_again(
         reader, tmp_path / "labels", type="cam-drop", attackers={"share": 0.3}, schedule={"from_s": 0.0}
     )
@@ -130,18 +140,20 @@ def test_who_drops_disappears(reader, tmp_path):
 
 
 @pytest.mark.oracle
-def test_tshark_reads_every_lie(tmp_path):
+def test_tshark_decodes_every_false_message(tmp_path):
     program = shutil.which("tshark")
     if program is None:
         pytest.skip("tshark is not installed")
     drive, payloads = lane({1: 0.0, 2: 50.0, 3: 90.0}, 40), []
     own = {one.payload for step in drive for one in step.sent}
-    for kind in KINDS:
-        settings = {"delay_min_s": 0.5, "delay_max_s": 0.5, "restamp": True} if kind is Delay else {}
-        lies = [one.payload for one in edited(kind(context("cam", victim=2), **settings), drive)]
-        lies = [payload for payload in lies if payload not in own]
-        assert lies, kind
-        payloads += lies
+    for attack_class in ATTACK_CLASSES:
+        settings = {"delay_min_s": 0.5, "delay_max_s": 0.5, "restamp": True} if attack_class is Delay else {}
+        false_payloads = [
+            one.payload for one in edited(attack_class(context("cam", victim=2), **settings), drive)
+        ]
+        false_payloads = [payload for payload in false_payloads if payload not in own]
+        assert false_payloads, attack_class
+        payloads += false_payloads
     assert [encode_cam_tree(decode_cam_tree(payload)) for payload in payloads] == payloads
     path = tmp_path / "cams.pcap"
     records = [struct.pack("<IIII", 0, 0, len(one), len(one)) + one for one in payloads]

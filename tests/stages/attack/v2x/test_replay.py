@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from v2x_lane import BEGIN_NS, MS, STEP_NS, context, edited, lane, said, time_s
+from v2x_lane import BEGIN_NS, MS, STEP_NS, context, decoded, edited, lane, time_s
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.v2x.facilities.ldm import LocalDynamicMap, Verdict
@@ -15,61 +15,61 @@ def of(messages, station):
     return [one for one in messages if one.station_id == station]
 
 
-def test_it_says_what_another_said_a_second_ago():
+def test_it_replays_another_stations_message_of_a_second_ago():
     """At 2.01 s, station 2's last message of more than 1 s ago is that of 0.92 s: where it was at 0.9 s."""
     after = edited(CamReplay(context("cam-replay"), age_s=1.0), DRIVE)
     assert of(after, 2) == [one for step in DRIVE for one in step.sent if one.station_id == 2]
     message = next(one for one in of(after, 1) if one.request_ns == BEGIN_NS + 2010 * MS)
-    told, report = said(message)
-    assert told.station_id == 1
+    cam, report = decoded(message)
+    assert cam.station_id == 1
     assert report.front_m[0] == pytest.approx(50 + 10 * 0.9 + 2.25, abs=0.02)
     assert report.generation_ns == BEGIN_NS + 2000 * MS
-    first = next(one for one in of(after, 1) if said(one)[1].front_m[0] > 40)
+    first = next(one for one in of(after, 1) if decoded(one)[1].front_m[0] > 40)
     assert time_s(first.request_ns) == pytest.approx(1.11)  # 2 has sent at 0.02 s, more than 1 s ago by then
 
 
-def test_under_their_name_and_with_their_time():
+def test_replay_with_the_original_id_and_time():
     """At 2.01 s, maps keep what was generated at 0.9 s; their last CAM of it expires at 2.0 s."""
     attack = CamReplay(context("cam-replay"), age_s=1.0, identity="theirs", restamp=False)
     message = next(one for one in of(edited(attack, DRIVE), 1) if one.request_ns == BEGIN_NS + 2010 * MS)
-    told, report = said(message)
-    assert told.station_id == 2
+    cam, report = decoded(message)
+    assert cam.station_id == 2
     assert report.generation_ns == BEGIN_NS + 900 * MS
     assert LocalDynamicMap(LdmRules()).receive(report, message.request_ns) is Verdict.EXPIRED
 
 
-def test_messages_from_the_future_shut_out_the_true_ones():
-    """Generated 0.5 s ahead under the other's id: what that says itself meanwhile no longer enters."""
+def test_future_times_block_genuine_messages_in_ldms():
+    """Generated 0.5 s ahead under the other's id: its own messages are then rejected."""
     attack = CamReplay(context("cam-replay"), age_s=0.0, identity="theirs", ahead_s=0.5)
     known, verdicts = LocalDynamicMap(LdmRules()), {1: [], 2: []}
     for one in edited(attack, DRIVE):
-        told, report = said(one)
-        if told.station_id == 2:
+        cam, report = decoded(one)
+        if cam.station_id == 2:
             verdicts[one.station_id].append(known.receive(report, one.request_ns))
     assert set(verdicts[1]) == {Verdict.ACCEPTED}
     assert verdicts[2][0] is Verdict.ACCEPTED
     assert set(verdicts[2][1:]) == {Verdict.SUPERSEDED}
 
 
-def test_it_follows_each_for_some_messages():
+def test_it_replays_several_messages_of_each_station():
     """Three others, 50 m apart: runs of exactly two messages, unless the same one is drawn again."""
     drive = lane({1: 0.0, 2: 50.0, 3: 100.0, 4: 150.0}, 60)
     attack = CamReplay(context("cam-replay"), age_s=0.0, messages_min=2, messages_max=2)
     followed = []
     for one in of(edited(attack, drive), 1)[1:]:
-        before_m = said(one)[1].front_m[0] - 10 * time_s(one.request_ns)
+        before_m = decoded(one)[1].front_m[0] - 10 * time_s(one.request_ns)
         followed.append(round(before_m / 50))
     assert set(followed) == {1, 2, 3}
     assert all(followed[i] == followed[i + 1] for i in range(0, len(followed) - 1, 2))
 
 
 @pytest.mark.parametrize("settings", [{"range_m": 49.0}, {"age_s": 10.0}])
-def test_without_anything_heard_the_truth(settings):
+def test_without_overheard_messages_nothing_is_changed(settings):
     after = edited(CamReplay(context("cam-replay"), **settings), DRIVE)
     assert after == [one for step in DRIVE for one in step.sent]
 
 
-def test_only_when_it_acts():
+def test_it_replays_only_while_active():
     until_ns = BEGIN_NS + 20 * STEP_NS
     attack = CamReplay(context("cam-replay", active=lambda time_ns: time_ns >= until_ns), age_s=0.0)
     changed = [
@@ -80,13 +80,13 @@ def test_only_when_it_acts():
     assert changed == [1000 * index + 1 for index in range(20, 40)]
 
 
-def test_disruptive_says_anything_of_the_last_seconds():
-    """With a memory of 1 s, at 3.01 s: what station 2 said from 2.0 s to before the step."""
+def test_disruptive_replay_uses_any_message_of_the_last_seconds():
+    """With a memory of 1 s, at 3.01 s: the messages of station 2 from 2.0 s to before the step."""
     after = edited(DisruptiveReplay(context("cam-disruptive-replay"), memory_s=1.0), DRIVE)
     ages_s = []
     for one in of(after, 1)[1:]:
-        told, report = said(one)
-        assert told.station_id == 1
+        cam, report = decoded(one)
+        assert cam.station_id == 1
         ages_s.append(time_s(one.request_ns) - (report.front_m[0] - 52.25) / 10)
     assert 0.1 < min(ages_s) < 0.3
     assert 0.6 < max(ages_s) < 1.12

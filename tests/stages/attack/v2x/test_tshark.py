@@ -23,7 +23,7 @@ LINK_TYPE = 147
 FIELDS = ("its.stationID", "its.speedValue", "its.headingValue", "its.latitude", "its.longitude")
 SPOOFED = ("gnss-relocate", "gnss-jam")
 """With a filter on board and without one: a CAM tells the estimate, another place, or none."""
-WORDS = [word for word in ATTACKS if word.startswith("cam-")]
+V2X_ATTACK_NAMES = [name for name in ATTACKS if name.startswith("cam-")]
 
 
 def read(payloads: list[bytes], path: Path) -> list[list[str]]:
@@ -39,16 +39,18 @@ def read(payloads: list[bytes], path: Path) -> list[list[str]]:
     return [line.split("\t") for line in lines]
 
 
-def test_every_message_of_every_attack(recorded, tmp_path):
+def test_tshark_decodes_every_message_of_every_attack(recorded, tmp_path):
     reader = recorded()
     steps = [step for step in V2xDrive(reader).steps() if step.end_ns is not None]
     clean = {one.payload for step in steps for one in step.sent}
     payloads: list[bytes] = []
-    specs = [attack_spec({"type": word, "victim": "ego", "attackers": {"share": 0.3}}) for word in WORDS]
+    specs = [
+        attack_spec({"type": name, "victim": "ego", "attackers": {"share": 0.3}}) for name in V2X_ATTACK_NAMES
+    ]
     changes = [forge(reader, [spec], 1) for spec in specs]
-    for kind in SPOOFED:
+    for name in SPOOFED:
         victims = ("ego", next(name for name in V2xDrive(reader).stations.values() if name != "ego"))
-        gnss = [attack_spec({"type": kind, "victim": victim}) for victim in victims]
+        gnss = [attack_spec({"type": name, "victim": victim}) for victim in victims]
         changes.append(forge(reader, [], 1, spoof(reader, gnss, 1).editors()))
     for change in changes:
         payloads += [one.payload for step in steps for one in change.edited(step) if one.payload not in clean]

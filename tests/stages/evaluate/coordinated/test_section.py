@@ -66,9 +66,9 @@ def test_all_that_strikes_one_vehicle_is_in_one_table(found: ReportSection, stru
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
     assert [line[2].split(":")[0] for line in means.lines] == [
-        "takes itself to be off by [m]",
-        "wrong in its map",
-        "points touched in a cloud",
+        "error of the position estimate [m]",
+        "wrong LDM entries",
+        "points changed per cloud",
     ]
 
 
@@ -160,5 +160,5 @@ def test_labels_that_are_none(smoke: Path, struck: Path, tmp_path: Path) -> None
     for file in struck.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
     (tmp_path / "frames.parquet").write_text("no labels")
-    with pytest.raises(AdvpipeError, match=r"frames.parquet holds no labels of clouds: .*; attack again"):
+    with pytest.raises(AdvpipeError, match=r"frames.parquet holds no cloud labels: .*; attack again"):
         coordinated_sections(smoke, [tmp_path])

@@ -64,7 +64,7 @@ def test_offsets_are_found_out(smoke: Path, offset: Path) -> None:
     )
     assert part.published == 0.846
     assert found.ours.latency_s < 1.0
-    assert sum(found.objections.values()) >= found.ours.true_positives
+    assert sum(found.flagged_by_check.values()) >= found.ours.true_positives
     assert read_labels(smoke) == []
 
 
@@ -86,7 +86,7 @@ def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
     label = MessageLabel(ego.numbers[5], "cam-speed-offset", "car", "corrupt", False, 0, 7)
     found = detect([replace(ego, claims=tuple(claims))], [label])
     assert (found.false_messages, found.undecoded) == (1, 1)
-    assert found.objections == {"decoding": 1}
+    assert found.flagged_by_check == {"decoding": 1}
     for each in (found.ours, found.baseline):
         assert each.true_positives == 1
         assert each.true_positives + each.false_positives + each.true_negatives == len(claims) - 1

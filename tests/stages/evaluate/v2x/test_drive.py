@@ -26,8 +26,8 @@ def clean(smoke: Path) -> EvaluatedDrive:
     return read_drive(smoke, "clean")
 
 
-def test_the_most_fooled(clean: EvaluatedDrive) -> None:
-    assert clean.most_fooled == "ego"
+def test_the_most_affected_listener(clean: EvaluatedDrive) -> None:
+    assert clean.most_affected_listener == "ego"
 
 
 def test_the_map_during_an_attack_is_of_its_time(clean: EvaluatedDrive) -> None:
@@ -43,15 +43,15 @@ def test_the_map_during_an_attack_is_of_its_time(clean: EvaluatedDrive) -> None:
     )
     lies = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
     drive = replace(clean, errors={"ego": error}, labels=lies)
-    assert [moment.time_ns for moment in drive.telling("ego")] == [times_ns[1], times_ns[2]]
+    assert [moment.time_ns for moment in drive.maps_around_attack("ego")] == [times_ns[1], times_ns[2]]
     at_once = replace(drive, labels=lies[:1])
-    assert [moment.time_ns for moment in at_once.telling("ego")] == [times_ns[1], times_ns[-1]]
+    assert [moment.time_ns for moment in at_once.maps_around_attack("ego")] == [times_ns[1], times_ns[-1]]
 
 
 def test_nobody_listens(clean: EvaluatedDrive) -> None:
     """No map, so no picture of one, nor a line about a victim."""
     silent = replace(clean, name="silent", errors={}, moments={}, warned={}, heard={})
-    assert silent.most_fooled is None
+    assert silent.most_affected_listener is None
     made = section(clean, [silent], DetectorConfig())
     assert [picture.file_name for picture in made.pictures] == ["v2x-detection.png"]
     assert [record["bag"] for record in rows_of(made)] == ["clean"]

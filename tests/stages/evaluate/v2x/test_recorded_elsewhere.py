@@ -93,7 +93,8 @@ def test_bags_recorded_before_receptions_were(smoke: Path, offset: Path, tmp_pat
     old = [copied(bag, tmp_path / bag.name, without(*BESIDE)) for bag in (smoke, offset)]
     (found,) = v2x_sections(old[0], old[1:])
     (note,) = found.notes
-    assert note.startswith(f"{offset.name}: which sent messages ")
+    assert note.startswith(f"{offset.name}: ")
+    assert "their true senders are not recorded (/ego/ground_truth/receptions)" in note
     assert "record the drive again" in note
     clean, attacked = rows_of(found)
     np.testing.assert_equal(clean["false_positive_rate"], rows_of(whole)[0]["false_positive_rate"])
@@ -120,7 +121,7 @@ def test_messages_whose_truth_is_lost_are_not_scored(offset: Path, tmp_path: Pat
     assert lost > 0
     assert whole.detection.messages - found.detection.messages == lost
     assert 0 < found.detection.false_messages < whole.detection.false_messages
-    assert found.missing_data[0].startswith(f"which sent messages {lost} of the {whole.detection.messages} ")
+    assert found.missing_data[0].startswith(f"{lost} of the {whole.detection.messages} messages ")
 
 
 @pytest.mark.parametrize(
@@ -145,7 +146,7 @@ def test_receptions_of_what_nobody_sent(smoke: Path, tmp_path: Path, field: str,
 @pytest.mark.parametrize(
     ("lacks", "message"),
     [
-        (("/scenario/info",), "where its map lies on the Earth is unknown"),
+        (("/scenario/info",), "the geographic origin of its map is unknown"),
         (("/ego/odometry", "/v2x/stations"), "where ego was when it received messages is not known"),
     ],
 )

@@ -82,7 +82,7 @@ def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -
     none = replace(lied.detection, false_messages=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
     lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
     assert lead == section(clean, [lied], DetectorConfig()).lead
-    assert lead.startswith("Mean F1 over 1 bag with false messages ")
+    assert lead.startswith("Mean F1 over 1 bag with false messages: ")
 
 
 def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:

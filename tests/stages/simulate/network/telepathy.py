@@ -13,7 +13,8 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
 class Telepathy:
-    """Every vehicle says hello in the middle of each step; the instrumented ones hear all but themselves."""
+    """Every vehicle sends hello in the middle of each step; instrumented ones receive all others'
+    messages."""
 
     def __init__(self, scenario: Scenario, step_traffic: Callable[[], None], footprints: object) -> None:
         self._listeners, self._step_ns = sorted(scenario.vehicles), round(scenario.simulation.step_s * 1e9)

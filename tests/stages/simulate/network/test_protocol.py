@@ -21,13 +21,13 @@ def in_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
 
 
-def test_everyone_hears_everything_at_once(tmp_path: Path) -> None:
-    words = ["v2x.network=telepathy:Telepathy", "simulation.duration_s=0.5", *COARSE]
-    simulate(load_scenario("smoke", [*words, "vehicles={ego: {}, other: {}}"]), tmp_path / "drive")
+def test_a_users_ideal_network_records_a_drive(tmp_path: Path) -> None:
+    settings = ["v2x.network=telepathy:Telepathy", "simulation.duration_s=0.5", *COARSE]
+    simulate(load_scenario("smoke", [*settings, "vehicles={ego: {}, other: {}}"]), tmp_path / "drive")
     reader = BagReader(tmp_path / "drive" / "clean")
     sent = [message for _, message in reader.messages(V2X_SENT.name)]
     stations = [message.stations for _, message in reader.messages(V2X_STATIONS.name)]
-    assert len(sent) == sum(map(len, stations[:-1])) > 100  # nobody is known before the first instant
+    assert len(sent) == sum(map(len, stations[:-1])) > 100  # no station is known before the first instant
     names = {station.vehicle: station.station_id for each in stations for station in each}
     for vehicle in ("ego", "other"):
         heard = [message for _, message in reader.messages(VehicleTopics(vehicle).received_raw.name)]
@@ -53,14 +53,14 @@ def test_everyone_hears_everything_at_once(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_none_is_told_in_a_line(tmp_path: Path, name: str, message: str) -> None:
+def test_an_invalid_implementation_is_a_one_line_error(tmp_path: Path, name: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         simulate(load_scenario("smoke", [f"v2x.network={name}", *COARSE]), tmp_path / "drive")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "drive").exists()
 
 
-def test_names_have_bounds() -> None:
+def test_invalid_implementation_names_are_refused() -> None:
     for name in ("a b", "x:y:z", "../x:Y", "A" * 201, ""):
         with pytest.raises(AdvpipeError, match=r"v2x\.network: String should"):
             load_scenario("smoke", [f"v2x.network={name!r}"])

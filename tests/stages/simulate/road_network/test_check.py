@@ -43,7 +43,7 @@ WRONG: dict[str, tuple[Callable[[Element], object], str]] = {
     "no shape": (lambda net: lane(net).attrib.pop("shape"), r"lane 'ab_0' has no shape"),
     "empty shape": (lambda net: lane(net).set("shape", ""), r"lane 'ab_0' has a shape of 0 points"),
     "one point": (lambda net: lane(net).set("shape", "1,2"), r"lane 'ab_0' has a shape of 1 points"),
-    "four coordinates": (lambda net: lane(net).set("shape", "1,2,3,4 5,6"), r"is no list of x,y or x,y,z"),
+    "four coordinates": (lambda net: lane(net).set("shape", "1,2,3,4 5,6"), r"is not a list of x,y or x,y,z"),
     "huge shape": (lambda net: lane(net).set("shape", "0,0 1e308,0"), r"a coordinate that is not a number"),
     "NaN in a shape": (lambda net: lane(net).set("shape", "0,0 nan,0"), r"a coordinate that is not a number"),
     "endless lane": (
@@ -51,11 +51,11 @@ WRONG: dict[str, tuple[Callable[[Element], object], str]] = {
         r"lanes and outlines are \d+ km long",
     ),
     "far lane": (lambda net: lane(net).set("shape", "2e6,0 2.0001e6,0"), r"edge 'ab' lies more than 100 km"),
-    "edge twice": (lambda net: again(net, first(net, "edge[@id='ab']")), r"edge 'ab' is there twice"),
-    "lane twice": (lambda net: first(net, "edge[@id='ab']").append(lane(net)), r"lane 'ab_0' is there twice"),
+    "edge twice": (lambda net: again(net, first(net, "edge[@id='ab']")), r"edge 'ab' occurs twice"),
+    "lane twice": (lambda net: first(net, "edge[@id='ab']").append(lane(net)), r"lane 'ab_0' occurs twice"),
     "junction twice": (
         lambda net: again(net, first(net, "junction[@id='b']")),
-        r"junction 'b' is there twice",
+        r"junction 'b' occurs twice",
     ),
     "junction at infinity": (
         lambda net: first(net, "junction").set("x", "-inf"),
@@ -80,8 +80,8 @@ WRONG: dict[str, tuple[Callable[[Element], object], str]] = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_one_line_names_the_element(tmp_path: Path, road: Callable[..., Path], wrong: str) -> None:
-    change, words = WRONG[wrong]
+def test_an_error_names_the_element(tmp_path: Path, road: Callable[..., Path], wrong: str) -> None:
+    change, expected = WRONG[wrong]
     tree = ElementTree.parse(road(100))
     change(tree.getroot())
     path = tmp_path / "wrong.net.xml"
@@ -89,13 +89,13 @@ def test_one_line_names_the_element(tmp_path: Path, road: Callable[..., Path], w
     with pytest.raises(AdvpipeError) as caught:
         load_network(Map(sumo_net=str(path)), tmp_path)
     message = str(caught.value)
-    assert re.search(words, message), message
+    assert re.search(expected, message), message
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
     assert len(message) < len(str(path)) + 200
 
 
-def test_a_way_over_a_junction_that_never_ends(tmp_path: Path, road: Callable[..., Path]) -> None:
+def test_an_endless_connection_over_a_junction_is_refused(tmp_path: Path, road: Callable[..., Path]) -> None:
     """The inner lane of a turn leads to itself."""
     tree = ElementTree.parse(road(100))
     inner = next(link for link in tree.getroot().iter("connection") if str(link.get("from")).startswith(":"))

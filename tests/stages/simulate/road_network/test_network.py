@@ -37,7 +37,7 @@ NOT_A_NET = {
 
 @pytest.mark.parametrize("key", ["sumo_net", "opendrive"])
 @pytest.mark.parametrize("content", NOT_A_NET.values(), ids=NOT_A_NET.keys())
-def test_refuses_what_is_no_network(tmp_path: Path, key: str, content: bytes) -> None:
+def test_refuses_invalid_networks(tmp_path: Path, key: str, content: bytes) -> None:
     path = tmp_path / "map.xml"
     path.write_bytes(content)
     with pytest.raises(AdvpipeError, match=r"map\.xml") as caught:
@@ -45,7 +45,7 @@ def test_refuses_what_is_no_network(tmp_path: Path, key: str, content: bytes) ->
     assert "\n" not in str(caught.value)
 
 
-def test_refuses_a_network_that_is_cut_off(tmp_path: Path) -> None:
+def test_refuses_a_truncated_network(tmp_path: Path) -> None:
     assert BOULEVARD.sumo_net is not None
     whole = Path(BOULEVARD.sumo_net).read_bytes()
     path = tmp_path / "cut.net.xml"
@@ -54,12 +54,12 @@ def test_refuses_a_network_that_is_cut_off(tmp_path: Path) -> None:
         load_network(Map(sumo_net=str(path)), tmp_path)
 
 
-def test_refuses_a_missing_file_and_says_how_to_name_one(tmp_path: Path) -> None:
+def test_refuses_a_missing_file_with_a_hint(tmp_path: Path) -> None:
     with pytest.raises(AdvpipeError, match=r"does not exist; give its path with --set map\.opendrive=FILE"):
         load_network(Map(opendrive=str(tmp_path / "Town06.xodr")), tmp_path)
 
 
-def test_refuses_a_road_on_which_nobody_may_move(tmp_path: Path, road: Callable[..., Path]) -> None:
+def test_refuses_a_road_with_speed_zero(tmp_path: Path, road: Callable[..., Path]) -> None:
     net = road(100)
     net.write_text(net.read_text().replace('speed="13.90"', 'speed="0.00"'))
     with pytest.raises(AdvpipeError, match=r"road\.net\.xml: edge '\w+' is for cars, but its speed is 0"):
@@ -89,7 +89,7 @@ def test_boulevard_has_the_lanes_of_its_plan(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not TOWN06.is_file(), reason="set ADVPIPE_TOWN06 to CARLA's Town06.xodr")
-def test_town06_has_the_roads_that_are_known_of_it(tmp_path: Path) -> None:
+def test_town06_has_its_known_roads(tmp_path: Path) -> None:
     """93 edges, 20 lane-kilometres, flat; the offset that netconvert adds is taken off again."""
     network = load_network(Map(opendrive=str(TOWN06)), tmp_path)
     assert len(network.edges) == 93
@@ -117,7 +117,7 @@ def test_a_geo_referenced_network_keeps_its_own_frame(tmp_path: Path) -> None:
     assert np.abs(network.edges["a_b"].lanes[0].centre_m).max() < 2000
 
 
-def test_lanes_know_who_may_use_them(tmp_path: Path, grid: Callable[..., Path]) -> None:
+def test_lanes_distinguish_cars_and_pedestrians(tmp_path: Path, grid: Callable[..., Path]) -> None:
     """With pavements, a road's first lane is for people on foot and its second for cars."""
     path = grid("--grid.number", "3", "--sidewalks.guess.from-permissions")
     edge = load_network(Map(sumo_net=str(path)), tmp_path).drivable[0]
@@ -149,7 +149,7 @@ def test_a_generated_network_follows_from_its_seed(tmp_path: Path, kind: str) ->
     assert {len(edge.lanes) for edge in networks[0].drivable} == {2}
 
 
-def test_a_generated_grid_is_as_large_as_it_was_asked_for(tmp_path: Path) -> None:
+def test_a_generated_grid_has_the_configured_size(tmp_path: Path) -> None:
     """3 x 3 junctions 200 m apart: 12 roads, both ways."""
     network = load_network(Map(generator=Generator(size=3, block_m=200, lanes=1, speed_mps=10)), tmp_path)
     assert len(network.drivable) == 24
@@ -158,7 +158,7 @@ def test_a_generated_grid_is_as_large_as_it_was_asked_for(tmp_path: Path) -> Non
     assert {edge.speed_mps for edge in network.drivable} == {10}
 
 
-def test_lanes_are_all_but_pavements_and_go_over_junctions(tmp_path: Path) -> None:
+def test_lane_lines_exclude_pavements_and_include_junctions(tmp_path: Path) -> None:
     """Lane :a_1_0 of the boulevard begins at (187.04, 167.74); the network's offset is (420, 165)."""
     network = load_network(BOULEVARD, tmp_path)
     begins_m = np.array([middle_m[0, :2] for middle_m, _ in network.lanes_m])
@@ -244,9 +244,7 @@ def test_an_opendrive_road_that_begins_flat_and_climbs(tmp_path: Path, namespace
         ("</planView>", REPEAT.format(length="1e5", distance="1e-9"), "with 1.* repeated objects; at most"),
     ],
 )
-def test_refuses_an_opendrive_map_that_netconvert_would_choke_on(
-    tmp_path: Path, old: str, new: str, complaint: str
-) -> None:
+def test_refuses_too_large_opendrive_maps(tmp_path: Path, old: str, new: str, complaint: str) -> None:
     path = tmp_path / "long.xodr"
     text = RISING.format(namespace="", x=0)
     assert old in text

@@ -28,7 +28,7 @@ NET = """<net>
 </net>"""
 
 
-def test_a_lane_that_was_cut_off_and_the_way_on_from_it(tmp_path: Path) -> None:
+def test_a_truncated_lane_and_its_connection_are_repaired(tmp_path: Path) -> None:
     path = tmp_path / "n.net.xml"
     path.write_text(NET)
     assert repair_lanes(path) == 1
@@ -40,7 +40,7 @@ def test_a_lane_that_was_cut_off_and_the_way_on_from_it(tmp_path: Path) -> None:
     assert lanes[":j_0_0"].get("shape") == "100.00,-1.60 102.00,-1.60"
 
 
-def test_a_sound_network_is_left_alone(tmp_path: Path) -> None:
+def test_an_intact_network_is_not_changed(tmp_path: Path) -> None:
     path = tmp_path / "n.net.xml"
     path.write_text(NET.replace("0.00,1.60 5.00,1.60", "0.00,1.60 100.00,1.60"))
     before = path.read_bytes()
@@ -48,7 +48,7 @@ def test_a_sound_network_is_left_alone(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_a_bend_is_followed_at_its_distance(tmp_path: Path) -> None:
+def test_a_repaired_lane_follows_the_bend_at_its_distance(tmp_path: Path) -> None:
     """A half circle of 20 m radius to the left; its inner lane lies on 16.8 m."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 60)
     bend = " ".join(f"{20 * np.cos(a):.2f},{20 * np.sin(a):.2f}" for a in angle)

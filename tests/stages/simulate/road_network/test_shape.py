@@ -16,18 +16,18 @@ def test_points_with_and_without_z() -> None:
     assert parse_shape("  ").shape == (0, 3)
 
 
-def test_text_is_what_was_read() -> None:
+def test_shape_text_round_trips() -> None:
     for text in (MIXED, "0.00,1.60 100.00,1.60", "0.00,1.60,-3.00 100.00,1.60,4.00"):
         assert shape_text(parse_shape(text)) == text
     assert shape_text(np.array([[1.0, 2.0, 0.004]])) == "1.00,2.00"
 
 
 @pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,x", "1,,2", ","])
-def test_what_is_no_shape(text: str) -> None:
+def test_an_invalid_shape_is_a_value_error(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         parse_shape(text)
 
 
-def test_length() -> None:
+def test_length_of_a_polyline() -> None:
     assert length_m(parse_shape("0,0 3,4 3,4,12")) == 17
     assert length_m(parse_shape("")) == 0

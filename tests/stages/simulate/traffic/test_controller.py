@@ -52,7 +52,7 @@ def test_it_reaches_its_speed_on_the_centre_line(variants: dict[str, Variant]) -
     assert np.linalg.norm(users[-1].velocity_mps) == pytest.approx(14.0, abs=0.3)
 
 
-def test_velocity_is_how_it_moves(variants: dict[str, Variant]) -> None:
+def test_velocity_matches_the_displacement(variants: dict[str, Variant]) -> None:
     """On a climbing bend of 40 m radius, where its middle moves sideways too."""
     angle = np.arange(0, 4.0, 1 / 40)
     bend = np.column_stack([40 * np.sin(angle), 40 - 40 * np.cos(angle), 2.0 * angle])
@@ -80,7 +80,7 @@ def test_pitch_and_height_are_those_of_the_slope(variants: dict[str, Variant]) -
 
 
 @pytest.mark.parametrize("beside_m", [0.0, 3.4])
-def test_it_stops_behind_who_stands_in_its_lane_and_passes_who_does_not(
+def test_it_stops_behind_vehicles_in_its_lane_and_passes_others(
     variants: dict[str, Variant], beside_m: float
 ) -> None:
     sedan = variants["sedan.0"]
@@ -96,7 +96,7 @@ def test_it_stops_behind_who_stands_in_its_lane_and_passes_who_does_not(
         assert np.linalg.norm(users[-1].velocity_mps) < 0.1
 
 
-def test_red_holds_and_green_lets_go(variants: dict[str, Variant]) -> None:
+def test_it_stops_at_red_and_drives_at_green(variants: dict[str, Variant]) -> None:
     sedan = variants["sedan.0"]
     path = path_of(straight(300), lights=((100.0, "x", 0),))
     controller = Controller("ego", sedan, path, se3_from_yaw([5, 0, 0], 0), 50.0)
@@ -122,7 +122,7 @@ def test_a_path_keeps_to_lanes_and_changes_them_smoothly(tmp_path: Path, road: C
 
 
 def test_it_drives_among_sumos_traffic(tmp_path: Path, drive: Driver, variants: dict[str, Variant]) -> None:
-    """A minute on the boulevard: it gets on, nobody drives into it, and its truth is smooth."""
+    """A minute on the boulevard: it advances without collisions, and its true motion is smooth."""
     settings = ["vehicles={ego: {driver: controller}}", "traffic.vehicles=60", "simulation.duration_s=60"]
     states = drive(load_scenario("boulevard", [*settings, "simulation.warmup_s=5"]), 600)
     egos = [state["ego"] for state in states]

@@ -83,7 +83,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop("own_cars", None)
 
 
-def test_a_source_of_a_newcomers_records_a_whole_drive(tmp_path: Path, own: None) -> None:
+def test_a_users_traffic_source_records_a_whole_drive(tmp_path: Path, own: None) -> None:
     simulate(load_scenario("smoke", ["traffic.source=own_cars:TwoCars"]), tmp_path / "out")
     frames = list(read_frames(tmp_path / "out" / "clean"))
     assert len(frames) == 10
@@ -110,13 +110,15 @@ BAD = {
 
 
 @pytest.mark.parametrize(("name", "message"), BAD.items(), ids=BAD)
-def test_what_is_no_source_is_one_line(tmp_path: Path, own: None, name: str, message: str) -> None:
+def test_an_invalid_traffic_source_is_a_one_line_error(
+    tmp_path: Path, own: None, name: str, message: str
+) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         simulate(load_scenario("smoke", [f"traffic.source={name}"]), tmp_path / "out")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_mistake_in_one_is_told_with_its_place(tmp_path: Path, own: None) -> None:
+def test_an_error_in_a_users_source_names_its_place(tmp_path: Path, own: None) -> None:
     with pytest.raises(AdvpipeError, match=r"own_cars:Breaks failed: ValueError: no.*own_cars\.py, line \d+"):
         simulate(load_scenario("smoke", ["traffic.source=own_cars:Breaks"]), tmp_path / "out")

@@ -16,7 +16,7 @@ from advpipe.stages.simulate.road_network.roads import lay_out_roads
 from advpipe.stages.simulate.traffic.walkers import STRAY_M, draw_walkers
 
 
-def test_they_walk_on_pavements(
+def test_pedestrians_walk_on_pavements(
     tmp_path: Path, grid: Callable[..., Path], variants: dict[str, Variant]
 ) -> None:
     path = grid("--grid.number", "3", "--grid.length", "100", "--sidewalks.guess.from-permissions")
@@ -35,7 +35,9 @@ def test_they_walk_on_pavements(
             assert user.position_m[2] == 0
 
 
-def test_velocity_is_how_they_move(tmp_path: Path, variants: dict[str, Variant]) -> None:
+def test_pedestrian_velocities_match_their_displacements(
+    tmp_path: Path, variants: dict[str, Variant]
+) -> None:
     scenario = load_scenario("smoke")
     network = load_network(scenario.map, tmp_path)
     walkers = draw_walkers(

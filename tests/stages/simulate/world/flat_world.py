@@ -1,4 +1,5 @@
-"""A world that a newcomer wrote from the docstrings of its protocol: a grey plane, and nobody's shadow."""
+"""A world that a newcomer wrote from the docstrings of its protocol: a grey plane without road users on
+it."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
 
 
 class Flat:
-    """The ground lies at the height of the vehicle that looks."""
+    """The ground is at the height of the observing vehicle."""
 
     offers = frozenset({"road users", "rays"})
     footprints = ()

@@ -21,7 +21,7 @@ def in_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
 
 
-def test_the_lidar_sees_a_plane_and_nobody_on_it(tmp_path: Path) -> None:
+def test_a_lidar_works_in_a_users_flat_world(tmp_path: Path) -> None:
     scenario = load_scenario("smoke", ["world=flat_world:Flat", *FEW])
     summary = simulate(scenario, tmp_path / "drive")
     frames = list(read_frames(tmp_path / "drive" / "clean"))
@@ -36,11 +36,11 @@ def test_the_lidar_sees_a_plane_and_nobody_on_it(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("carla", "world 'carla' is unknown; known: raycast, or your own module:Class"),
-        ("flat_world:Nothing", "world flat_world:Nothing is no world: it lacks "),
+        ("flat_world:Nothing", "world flat_world:Nothing is not a world: it lacks "),
         ("flat_world:Blind", "sensors.lidars need rays, which the world flat_world:Blind does not offer"),
     ],
 )
-def test_what_is_none_is_told_in_a_line(tmp_path: Path, name: str, message: str) -> None:
+def test_an_invalid_implementation_is_a_one_line_error(tmp_path: Path, name: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         simulate(load_scenario("smoke", [f"world={name}", *FEW]), tmp_path / "drive")
     assert "\n" not in str(caught.value)

@@ -32,7 +32,7 @@ MS = 1_000_000
 
 
 @dataclass(frozen=True)
-class Told:
+class SentCam:
     """A CAM on its way out, and the truth of the station at the step that it tells of."""
 
     time_ns: int
@@ -45,29 +45,29 @@ class Told:
 
     @property
     def centre_m(self) -> np.ndarray:
-        """Where the CAM says that the ground below the middle of the box is: half a length behind."""
+        """The ground below the middle of the box according to the CAM: half a length behind its position."""
         x_m, y_m = PLANE(self.cam.longitude_deg, self.cam.latitude_deg)
         yaw_rad = math.pi / 2 - self.cam.heading_rad
         return np.array([x_m, y_m]) - self.size_m[0] / 2 * np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
 
 
-def told(reader: BagReader) -> list[Told]:
+def sent_cams(reader: BagReader) -> list[SentCam]:
     found = []
     for step in V2xDrive(reader).steps():
         places = {place.station_id: place for place in step.radios}
         for sent in step.sent:
             _, vehicle, pose, size_m, velocity_mps = places[sent.station_id]
             cam = decode_cam(sent.payload)
-            found.append(Told(sent.request_ns, vehicle, cam, step.begin_ns, pose, velocity_mps, size_m))
+            found.append(SentCam(sent.request_ns, vehicle, cam, step.begin_ns, pose, velocity_mps, size_m))
     return found
 
 
 @pytest.fixture
-def cams(drive: Record) -> list[Told]:
-    return told(drive(*LONG))
+def cams(drive: Record) -> list[SentCam]:
+    return sent_cams(drive(*LONG))
 
 
-def test_other_stations_tell_the_truth_with_the_errors_asked_for(cams: list[Told]) -> None:
+def test_other_stations_report_the_truth_with_the_configured_errors(cams: list[SentCam]) -> None:
     """Half a metre a horizontal axis, half a degree, 0.1 m/s: the errors of one station hang together."""
     errors = defaultdict(list)
     for one in cams:
@@ -94,7 +94,7 @@ def test_other_stations_tell_the_truth_with_the_errors_asked_for(cams: list[Told
     assert abs(means[:, :3].mean()) < 0.15
 
 
-def test_instrumented_vehicles_tell_their_estimate(drive: Record, cams: list[Told]) -> None:
+def test_instrumented_vehicles_report_their_estimate(drive: Record, cams: list[SentCam]) -> None:
     reader = drive(*LONG)
     estimates = {stamp_ns(message): message for _, message in reader.messages("/ego/odometry")}
     own = [one for one in cams if one.vehicle == "ego"]
@@ -120,7 +120,7 @@ def test_instrumented_vehicles_tell_their_estimate(drive: Record, cams: list[Tol
     assert differs > 0.05  # or the test could not tell it from the truth
 
 
-def test_rates_and_triggers(cams: list[Told]) -> None:
+def test_cam_rates_and_triggers_follow_the_standard(cams: list[SentCam]) -> None:
     """From one CAM to the next there is a reason: 4 m, 4 degrees, 0.5 m/s, or a second; never below 0.1 s."""
     by_station = defaultdict(list)
     for one in cams:
@@ -145,7 +145,7 @@ def test_rates_and_triggers(cams: list[Told]) -> None:
                 assert after.time_ns - before.time_ns <= 500 * MS  # 4 m take 0.36 s
 
 
-def test_path_history_leads_along_the_road(drive: Record, cams: list[Told]) -> None:
+def test_path_history_follows_the_driven_path(drive: Record, cams: list[SentCam]) -> None:
     """The points, added up from the reference position, were passed by the vehicle's front."""
     last = [one for one in cams if one.vehicle == "ego" and one.cam.low_frequency][-1]
     passed = [
@@ -162,7 +162,7 @@ def test_path_history_leads_along_the_road(drive: Record, cams: list[Told]) -> N
         assert min(np.linalg.norm(place_m - other) for other in passed) < 0.1
 
 
-def test_the_map_is_near_the_truth(drive: Record) -> None:
+def test_the_local_dynamic_map_is_near_the_truth(drive: Record) -> None:
     """Entries lie where their vehicles were at their generation, as far as receivers know."""
     reader = drive(*LONG)
     truth: dict[tuple[int, int], Any] = {}
@@ -182,7 +182,7 @@ def test_the_map_is_near_the_truth(drive: Record) -> None:
     assert max(ages_s) <= 1.1 + 1e-6
 
 
-def test_inspect_counts_the_truth_and_tells_of_v2x(drive: Record) -> None:
+def test_inspect_reports_road_users_and_v2x(drive: Record) -> None:
     reader = drive(*LONG)
     description = describe(reader.path)
     boxes = sum(len(message.detections) for _, message in reader.messages("/ego/ground_truth/objects"))
@@ -191,10 +191,10 @@ def test_inspect_counts_the_truth_and_tells_of_v2x(drive: Record) -> None:
     assert description.v2x.cams == reader.topics["/v2x/sent"].count
 
 
-def test_penetration(drive: Record) -> None:
-    """Nobody but the instrumented; half; all with an engine, but no bicycles."""
+def test_penetration_sets_the_share_of_equipped_vehicles(drive: Record) -> None:
+    """Only instrumented vehicles; half; all motor vehicles, but no bicycles."""
     senders = {
-        share: {one.vehicle for one in told(drive(*LONG[:2], f"v2x.penetration={share}"))}
+        share: {one.vehicle for one in sent_cams(drive(*LONG[:2], f"v2x.penetration={share}"))}
         for share in ("0", "0.5", "1")
     }
     assert senders["0"] == {"ego"}
@@ -202,13 +202,13 @@ def test_penetration(drive: Record) -> None:
     assert len(senders["0.5"]) == pytest.approx(len(senders["1"]) / 2, abs=12)
 
 
-def test_switched_off(drive: Record) -> None:
+def test_disabled_v2x_records_no_v2x_topics(drive: Record) -> None:
     reader = drive("v2x.enabled=false")
     assert not [name for name in reader.topics if "v2x" in name or "ldm" in name]
     assert describe(reader.path).v2x is None
 
 
-def test_a_vehicle_that_comes_and_goes(tmp_path: Path) -> None:
+def test_a_vehicle_has_a_station_while_it_is_on_the_road(tmp_path: Path) -> None:
     """On the road from 1 s to 2 s, it has a radio and sends for so long."""
     rows = [f"visitor,{time_s:.1f},{12 * time_s:.1f},2.0,0,0,sedan" for time_s in (1.0, 1.5, 2.0)]
     (tmp_path / "t.csv").write_text("\n".join(["id,time_s,x_m,y_m,z_m,yaw_rad,body", *rows, ""]))

@@ -41,7 +41,7 @@ DRIVES = {
         "v2x.radio.queue_delay_max_s=0.004",
         "v2x.cam={position_m: 0, speed_mps: 0, dcc: none}",
     ),
-    "nobody else": ("v2x.penetration=0",),
+    "no other station": ("v2x.penetration=0",),
 }
 
 
@@ -59,7 +59,9 @@ def send_again(
 
 
 @pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
-def test_the_same_receptions_maps_and_statistics(drive: Record, settings: tuple[str, ...]) -> None:
+def test_retransmission_gives_the_same_receptions_maps_and_statistics(
+    drive: Record, settings: tuple[str, ...]
+) -> None:
     reader = drive(*settings)
     received, maps, statistics = send_again(reader)
     by_listener = defaultdict(list)
@@ -91,12 +93,12 @@ def test_any_station_can_listen(drive: Record) -> None:
             heard[one.listener].append((one.arrival_ns, one.sent.number))
     assert len(heard) == len(recorded.stations) > 10
     for listener in ("ego", "other"):
-        told = recorded_receptions(reader, listener)
-        assert heard[listener] == [(one.arrival_ns, one.number) for one in told]
+        recorded = recorded_receptions(reader, listener)
+        assert heard[listener] == [(one.arrival_ns, one.number) for one in recorded]
     assert not any(received for _, received in V2xDrive(reader).sent_again(()))
 
 
-def test_buildings_are_in_the_way(drive: Record) -> None:
+def test_buildings_reduce_receptions(drive: Record) -> None:
     """Those that stand in the drive's world; without them, more arrives."""
     reader = drive(*DRIVES["two listeners, all equipped, everything on"])
     with_buildings = send_again(reader)[2]
@@ -109,7 +111,7 @@ def test_buildings_are_in_the_way(drive: Record) -> None:
     assert without.outcomes["received"] > 1.02 * with_buildings.outcomes["received"]
 
 
-def test_the_jam_is_one(drive: Record) -> None:
+def test_the_jammed_channel_is_overloaded(drive: Record) -> None:
     statistics = send_again(drive(*DRIVES["a jammed channel"]))[2]
     assert statistics.dropped > 10
     assert statistics.outcomes["interference"] + statistics.outcomes["busy"] > 100
@@ -117,7 +119,7 @@ def test_the_jam_is_one(drive: Record) -> None:
 
 
 @pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
-def test_every_message_meets_its_fate(drive: Record, settings: tuple[str, ...]) -> None:
+def test_statistics_count_every_sent_message(drive: Record, settings: tuple[str, ...]) -> None:
     """Also those that are still waiting, or on the air, when the recording ends."""
     reader = drive(*settings)
     ((_, message),) = reader.messages(V2X_STATISTICS.name)
@@ -127,17 +129,17 @@ def test_every_message_meets_its_fate(drive: Record, settings: tuple[str, ...]) 
     assert numbers == list(range(len(numbers)))
 
 
-def test_other_messages_leave_the_rest_as_it_was(drive: Record) -> None:
-    """One station lies and another sends rubbish: what the others send arrives as before."""
+def test_false_messages_do_not_change_outcomes_of_others(drive: Record) -> None:
+    """One station sends false messages and another invalid ones: all other messages arrive as before."""
     reader = drive(*DRIVES["one listener"])
     before, _, _ = send_again(reader)
     senders = sorted({one.sent.station_id for one in before})
-    liar, broken = senders[0], senders[1]
+    attacker, broken = senders[0], senders[1]
 
     def change(sent: Sequence[Sent]) -> list[Sent]:
         changed = []
         for one in sent:
-            if one.station_id == liar:
+            if one.station_id == attacker:
                 one = replace(one, payload=one.payload[:2] + bytes(4) + one.payload[6:])
             elif one.station_id == broken:
                 one = replace(one, payload=b"\xff" * len(one.payload))
@@ -148,9 +150,11 @@ def test_other_messages_leave_the_rest_as_it_was(drive: Record) -> None:
     assert [(one.sent.number, one.arrival_ns, one.sinr_db) for one in after] == [
         (one.sent.number, one.arrival_ns, one.sinr_db) for one in before
     ]
-    kept = [(one.sent, one.verdict) for one in after if one.sent.station_id not in (liar, broken)]
-    assert kept == [(one.sent, one.verdict) for one in before if one.sent.station_id not in (liar, broken)]
-    assert {one.tree["header"]["stationID"] for one in after if one.sent.station_id == liar and one.tree} == {
-        0
-    }
+    kept = [(one.sent, one.verdict) for one in after if one.sent.station_id not in (attacker, broken)]
+    assert kept == [
+        (one.sent, one.verdict) for one in before if one.sent.station_id not in (attacker, broken)
+    ]
+    assert {
+        one.tree["header"]["stationID"] for one in after if one.sent.station_id == attacker and one.tree
+    } == {0}
     assert all(one.tree is None for one in after if one.sent.station_id == broken)

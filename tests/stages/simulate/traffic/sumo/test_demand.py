@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.simulate.traffic.sumo.demand import MOST_WRITTEN, check_demand, departures, seconds
+from advpipe.stages.simulate.traffic.sumo.demand import MOST_LISTED, check_demand, departures, seconds
 
 END_S = 100.0
 
@@ -35,11 +35,11 @@ FLOWS = {
 
 
 @pytest.mark.parametrize(("attributes", "count"), FLOWS.items())
-def test_flows(attributes: str, count: float) -> None:
+def test_departures_of_flows(attributes: str, count: float) -> None:
     assert departures(ElementTree.fromstring(f"<flow {attributes}/>"), None, END_S) == pytest.approx(count)
 
 
-def test_an_interval_gives_the_times() -> None:
+def test_a_flow_in_an_interval_uses_its_times() -> None:
     root = ElementTree.fromstring(
         '<routes><interval begin="0" end="50"><flow number="1e9"/></interval></routes>'
     )
@@ -62,12 +62,12 @@ def test_vehicles_and_flows_of_all_files_add_up() -> None:
 
 def test_vehicles_that_depart_later_are_read_too() -> None:
     root = ElementTree.Element("routes")
-    root.extend([ElementTree.Element("vehicle", depart="1e6")] * (MOST_WRITTEN + 1))
-    with pytest.raises(AdvpipeError, match="a: more than 500,000 vehicles are written there"):
+    root.extend([ElementTree.Element("vehicle", depart="1e6")] * (MOST_LISTED + 1))
+    with pytest.raises(AdvpipeError, match="a: lists more than 500,000 vehicles"):
         check_demand([root], "a", END_S)
 
 
-def test_times() -> None:
+def test_sumo_times_are_parsed() -> None:
     assert seconds("1:00:01", 0) == 3601
     assert seconds("1:0:0:1", 0) == 86401
     assert seconds("2.5", 0) == 2.5

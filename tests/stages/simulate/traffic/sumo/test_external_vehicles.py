@@ -1,4 +1,5 @@
-"""Vehicles that are pushed into SUMO's traffic: exact, met by it, and gone when nobody pushes them."""
+"""Vehicles that are pushed into SUMO's traffic: their poses are exact, traffic reacts to them, and they
+disappear when no longer pushed."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ SETTINGS = ["traffic.vehicles=0", "simulation.warmup_s=1", "vehicles={ego: {rout
 
 
 @pytest.mark.parametrize("beside_m", [0.0, 60.0])
-def test_traffic_stops_behind_one_that_is_pushed(
+def test_traffic_stops_behind_a_pushed_vehicle(
     tmp_path: Path, road: Callable[..., Path], variants: dict[str, Variant], beside_m: float
 ) -> None:
     """A wall on the road stops the ego before its rear; once it is gone, the ego drives on."""
@@ -39,7 +40,7 @@ def test_traffic_stops_behind_one_that_is_pushed(
         assert traffic.road_users()["ego"].position_m[0] > 320
 
 
-def test_one_of_sumos_own_is_taken_over(
+def test_pushing_a_vehicle_of_sumo_replaces_it(
     tmp_path: Path, road: Callable[..., Path], variants: dict[str, Variant]
 ) -> None:
     """As by a simulator of vehicle dynamics that moves the ego: it goes where it is pushed, once."""

@@ -20,7 +20,7 @@ def test_a_car_that_climbs_east() -> None:
 
 @pytest.mark.parametrize("yaw_rad", [-3.0, -1.2, 0.0, 0.4, 2.8])
 @pytest.mark.parametrize("pitch_rad", [-0.3, 0.0, 0.25])
-def test_there_and_back_is_the_same_pose(yaw_rad: float, pitch_rad: float) -> None:
+def test_pose_conversion_is_invertible(yaw_rad: float, pitch_rad: float) -> None:
     pose = se3_from_yaw([3.0, -4.0, 5.0], yaw_rad, pitch_rad)
     front_m, angle_deg, slope_deg = front_of(pose, 4.6)
     (again,) = base_poses([front_m], [angle_deg], [slope_deg], [4.6])

@@ -39,17 +39,17 @@ def test_a_short_road_leaves_no_time_to_change_lanes(length_m: float, ways: set[
     assert seen == ways
 
 
-def test_who_is_stranded_goes_where_its_lane_leads() -> None:
+def test_a_stranded_vehicle_continues_along_its_lane() -> None:
     """The right-hand lane leads to a dead end, and there is no other way at its end."""
     start = edge("start", 500, [(0, "dead", 0), (1, "ring", 0)])
     dead, ring = edge("dead", 100, [], lanes=1), edge("ring", 100, [(0, "ring", 0)], lanes=1)
     routes = Routes(network(start, dead, ring), np.random.default_rng(0))
-    assert routes.random_walk(start, 0, 5000, at_its_end=True) == ["start", "dead"]
+    assert routes.random_walk(start, 0, 5000, keep_lane=True) == ["start", "dead"]
     assert routes.random_walk(start, 0, 900)[1] == "ring"
 
 
 @pytest.mark.parametrize("name", ["boulevard", "highway"])
-def test_walks_are_drivable_and_long_enough(tmp_path: Path, name: str) -> None:
+def test_random_walks_are_drivable_and_long_enough(tmp_path: Path, name: str) -> None:
     found = load_network(load_scenario(name).map, tmp_path)
     routes = Routes(found, np.random.default_rng(1))
     for _ in range(50):

@@ -63,7 +63,7 @@ def children(pid: int) -> set[int]:
 
 
 def other_client(port: int, order: int, steps: int, seen: list[set[str]]) -> threading.Thread:
-    """Somebody who shares the server, and notes who is on the road after each step."""
+    """Another client of the server, which records the vehicles on the road after each step."""
 
     def run() -> None:
         import traci
@@ -110,7 +110,7 @@ def test_both_transports_give_the_same_bag(tmp_path: Path) -> None:
 
 
 def test_a_server_of_ours_is_shared(drive: Driver) -> None:
-    """Somebody else steps it too, sees whom we see, and changes nothing."""
+    """Another client steps it too, sees the same vehicles, and changes nothing."""
     port, seen = free_port(), list[set[str]]()
     alone = drive(load_scenario("smoke", [*SMALL, TRACI]), 20)
     server = f"traffic.server={{port: {port}, clients: 2, order: 1}}"
@@ -123,7 +123,7 @@ def test_a_server_of_ours_is_shared(drive: Driver) -> None:
 
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[Callable[..., int]]:
-    """Starts a SUMO that is nobody's, with the given options; its port."""
+    """Starts an independent SUMO server with the given options; returns its port."""
     processes = []
 
     def start(*options: str) -> int:
@@ -140,8 +140,8 @@ def started(tmp_path: Path) -> Iterator[Callable[..., int]]:
         process.wait()
 
 
-def test_a_server_of_somebody_elses_is_joined(started: Callable[..., int], drive: Driver) -> None:
-    """With the same options it gives the same traffic; our vehicle types are told to it."""
+def test_a_running_server_is_joined(started: Callable[..., int], drive: Driver) -> None:
+    """With the same options it gives the same traffic; our vehicle types are defined on it."""
     scenario = load_scenario("smoke", [*SMALL, TRACI])
     options = ["--step-length", "0.1", "--seed", str(scenario.simulation.seed), "--lateral-resolution", "0.8"]
     options += ["--default.speeddev", "0.1", "--max-depart-delay", "2", "--time-to-teleport", "-1"]
@@ -154,20 +154,20 @@ def test_a_server_of_somebody_elses_is_joined(started: Callable[..., int], drive
     assert len(seen) == 41
 
 
-def test_a_server_that_does_not_fit_is_refused(started: Callable[..., int], drive: Driver) -> None:
+def test_a_server_with_another_step_length_is_refused(started: Callable[..., int], drive: Driver) -> None:
     join = f"traffic.server.join=127.0.0.1:{started('--step-length', '0.5')}"
     with pytest.raises(AdvpipeError, match=r"has steps of 0\.5 s, not of 0\.1 s; start it"):
         drive(load_scenario("smoke", [TRACI, join]), 1)
 
 
-def test_nobody_there_to_join(monkeypatch: pytest.MonkeyPatch, drive: Driver) -> None:
+def test_joining_without_a_server_is_a_one_line_error(monkeypatch: pytest.MonkeyPatch, drive: Driver) -> None:
     monkeypatch.setattr("advpipe.stages.simulate.traffic.sumo.server.JOIN_TIMEOUT_S", 0.2)
     port = free_port()
-    with pytest.raises(AdvpipeError, match=f"no SUMO answers at 127.0.0.1:{port} within 0.2 s"):
+    with pytest.raises(AdvpipeError, match=f"no SUMO server responds at 127.0.0.1:{port} within 0.2 s"):
         drive(load_scenario("smoke", [TRACI, f"traffic.server.join=127.0.0.1:{port}"]), 1)
 
 
-def test_a_port_that_is_taken_is_said(drive: Driver) -> None:
+def test_an_occupied_port_is_a_one_line_error(drive: Driver) -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -186,28 +186,28 @@ def drive_until(scenario: Scenario, scratch: Path, what: Callable[[int], None]) 
         traffic.step()
 
 
-def test_a_server_that_dies_is_one_line(tmp_path: Path) -> None:
+def test_a_killed_server_is_a_one_line_error(tmp_path: Path) -> None:
     before = children(os.getpid())
-    with pytest.raises(AdvpipeError, match=r"^SUMO cannot go on .*: it crashed with signal 9$"):
+    with pytest.raises(AdvpipeError, match=r"^SUMO cannot continue .*: it crashed with signal 9$"):
         drive_until(
             load_scenario("smoke", [*SMALL, TRACI]), tmp_path, lambda sumo: os.kill(sumo, signal.SIGKILL)
         )
     assert children(os.getpid()) == before
 
 
-def test_an_error_of_ours_ends_it(tmp_path: Path) -> None:
+def test_an_error_of_ours_stops_the_server(tmp_path: Path) -> None:
     before = children(os.getpid())
     with pytest.raises(ZeroDivisionError):
         drive_until(load_scenario("smoke", [*SMALL, TRACI]), tmp_path, lambda sumo: print(sumo / 0))
     assert children(os.getpid()) == before
 
 
-def test_what_sumo_refuses_at_its_start_is_one_line(tmp_path: Path, variants: dict[str, Variant]) -> None:
+def test_a_failed_start_of_sumo_is_a_one_line_error(tmp_path: Path, variants: dict[str, Variant]) -> None:
     scenario = load_scenario("smoke", [*SMALL, TRACI])
     network = load_network(scenario.map, tmp_path)
     traffic = SumoTraffic(scenario, network, variants, tmp_path)
     (tmp_path / "vehicle_types.add.xml").write_text("<additional")
-    with pytest.raises(AdvpipeError, match=r"^SUMO cannot go on .*: \S"):
+    with pytest.raises(AdvpipeError, match=r"^SUMO cannot continue .*: \S"):
         traffic.__enter__()
     assert not any("sumo" in os.readlink(f"/proc/{pid}/exe") for pid in children(os.getpid()))
 

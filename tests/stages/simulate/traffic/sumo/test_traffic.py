@@ -51,7 +51,7 @@ def front_step_m(before: RoadUser, after: RoadUser) -> np.ndarray:
     return transform_points(invert(before.map_SE3_base) @ after.map_SE3_base, bumper) - bumper
 
 
-def test_nobody_jumps_sideways(busy: list[dict[str, RoadUser]]) -> None:
+def test_vehicles_never_jump_sideways(busy: list[dict[str, RoadUser]]) -> None:
     """A lane is 3.4 m wide: a lane change in one step would show."""
     moved = 0
     for before, after in itertools.pairwise(busy):
@@ -63,7 +63,7 @@ def test_nobody_jumps_sideways(busy: list[dict[str, RoadUser]]) -> None:
     assert moved > 1000
 
 
-def test_some_do_change_lanes(busy: list[dict[str, RoadUser]]) -> None:
+def test_some_vehicles_change_lanes(busy: list[dict[str, RoadUser]]) -> None:
     names = set(busy[0]) & set(busy[-1])
     drift = dict.fromkeys(names, 0.0)
     for before, after in itertools.pairwise(busy):
@@ -81,7 +81,7 @@ def test_displacement_agrees_with_speed(busy: list[dict[str, RoadUser]]) -> None
     assert np.median(np.abs(errors)) < 0.2
 
 
-def test_the_number_is_kept(busy: list[dict[str, RoadUser]]) -> None:
+def test_the_number_of_vehicles_is_constant(busy: list[dict[str, RoadUser]]) -> None:
     assert all("ego" in state for state in busy)
     assert len(busy[-1]) > 120
 
@@ -92,7 +92,7 @@ def test_the_ego_drives_on(busy: list[dict[str, RoadUser]]) -> None:
     assert sum(steps_m) > 40
 
 
-def test_newcomers_replace_those_whose_road_ends_and_appear_out_of_sight(
+def test_new_vehicles_replace_departed_ones_far_from_the_ego(
     tmp_path: Path, grid: Callable[..., Path]
 ) -> None:
     """A grid with open ends: vehicles leave at its rim."""
@@ -132,7 +132,7 @@ def one_road(folder: Path, length_m: float) -> str:
     return str(out)
 
 
-def test_the_ego_outlives_its_road(tmp_path: Path) -> None:
+def test_the_ego_stops_at_the_end_of_its_road(tmp_path: Path) -> None:
     """A road of 150 m is driven in 15 s; after 60 s the ego still stands at its end."""
     settings = [f"map.sumo_net={one_road(tmp_path, 150)}", "traffic.vehicles=2", "simulation.warmup_s=1"]
     states = drive(load_scenario("smoke", settings), tmp_path, 600)
@@ -142,7 +142,7 @@ def test_the_ego_outlives_its_road(tmp_path: Path) -> None:
     assert np.linalg.norm(end.velocity_mps) < 0.1
 
 
-def test_a_network_without_room_is_said(tmp_path: Path) -> None:
+def test_a_network_without_room_is_a_one_line_error(tmp_path: Path) -> None:
     """Two egos need more than the five metres that this road has."""
     settings = [f"map.sumo_net={one_road(tmp_path, 5)}", "traffic.vehicles=0", "simulation.warmup_s=0"]
     settings += ["vehicles={ego: {}, other: {}}"]
@@ -181,7 +181,7 @@ def test_vehicles_on_the_highway_lie_on_its_slopes(tmp_path: Path) -> None:
     assert np.percentile(speeds, 75) > 30
 
 
-def test_an_ego_that_comes_by_its_last_road_before_drives_on(
+def test_an_ego_whose_route_revisits_its_last_edge_keeps_driving(
     tmp_path: Path, grid: Callable[..., Path]
 ) -> None:
     """On a small grid a long walk uses each road many times, also its last."""
@@ -193,7 +193,7 @@ def test_an_ego_that_comes_by_its_last_road_before_drives_on(
 
 
 @pytest.mark.skipif(not TOWN06.is_file(), reason="set ADVPIPE_TOWN06 to CARLA's Town06.xodr")
-def test_town06_flows(tmp_path: Path) -> None:
+def test_traffic_on_town06_keeps_flowing(tmp_path: Path) -> None:
     """100 s at the scenario's density: the ego drives on, among many, and boxes hardly ever overlap."""
     scenario = load_scenario("town06", [f"map.opendrive={TOWN06}"])
     states = drive(scenario, tmp_path, 1000)

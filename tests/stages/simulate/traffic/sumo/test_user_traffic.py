@@ -27,7 +27,7 @@ def scenario(folder: Path, net: Path, text: str, *settings: str) -> Scenario:
     return load_scenario("smoke", [*more, *settings])
 
 
-def test_they_drive_as_written_with_bodies_of_ours(
+def test_user_vehicles_drive_their_routes_with_our_bodies(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     state = drive(scenario(tmp_path, road(600), ROUTES), 1)[-1]
@@ -71,14 +71,14 @@ BAD = {
     '<vehicle id="parked.3" depart="0"><route edges="ab"/></vehicle>': r"'parked.3' has a reserved name",
     '<flow id="pedestrian" begin="0" end="9" number="3" from="ab" to="bc"/>': r"has a reserved name",
     '<person id="p" depart="0"><walk edges="ab"/></person>': r"person 'p': only vehicles are supported",
-    '<vehicle id="v" route="none" depart="0"/>': r"traffic\.routes: SUMO refuses it: .*none",
-    '<vehicle id="v" depart="soon"><route edges="ab"/></vehicle>': r"traffic\.routes: SUMO refuses it",
+    '<vehicle id="v" route="none" depart="0"/>': r"traffic\.routes: SUMO rejects it: .*none",
+    '<vehicle id="v" depart="soon"><route edges="ab"/></vehicle>': r"traffic\.routes: SUMO rejects it",
     '<vehicle id="v">': r"own\.rou\.xml is not a SUMO route file .* or is truncated",
 }
 
 
 @pytest.mark.parametrize(("text", "message"), BAD.items(), ids=range(len(BAD)))
-def test_bad_routes_are_named(
+def test_invalid_routes_are_one_line_errors(
     tmp_path: Path, road: Callable[..., Path], drive: Driver, text: str, message: str
 ) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
@@ -86,7 +86,7 @@ def test_bad_routes_are_named(
     assert "\n" not in str(caught.value)
 
 
-def test_missing_files_are_said(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
+def test_missing_files_are_one_line_errors(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
     net = road(200)
     with pytest.raises(AdvpipeError, match=r"traffic\.routes: .*gone\.rou\.xml does not exist"):
         drive(scenario(tmp_path, net, ROUTES, f"traffic.routes={tmp_path / 'gone.rou.xml'}"), 1)
@@ -101,7 +101,7 @@ def test_missing_files_are_said(tmp_path: Path, road: Callable[..., Path], drive
 
 
 @pytest.mark.parametrize("taken", ["one", "f.2"])
-def test_routes_and_trajectories_share_no_name(
+def test_a_name_in_both_routes_and_trajectories_is_refused(
     tmp_path: Path, road: Callable[..., Path], drive: Driver, taken: str
 ) -> None:
     table = tmp_path / "poses.csv"
@@ -131,7 +131,7 @@ BOMBS = {
 
 
 @pytest.mark.parametrize(("text", "message"), BOMBS.items(), ids=range(len(BOMBS)))
-def test_bombs_are_refused_before_sumo_reads_them(
+def test_xml_bombs_are_refused_before_sumo_reads_them(
     tmp_path: Path,
     road: Callable[..., Path],
     drive: Driver,
@@ -140,13 +140,14 @@ def test_bombs_are_refused_before_sumo_reads_them(
     message: str,
 ) -> None:
     monkeypatch.setattr(
-        "advpipe.stages.simulate.traffic.sumo.user_traffic._probe", lambda *_: pytest.fail("SUMO read it")
+        "advpipe.stages.simulate.traffic.sumo.user_traffic._load_in_sumo",
+        lambda *_: pytest.fail("SUMO read it"),
     )
     with pytest.raises(AdvpipeError, match=message):
         drive(scenario(tmp_path, road(200), text), 1)
 
 
-def test_files_that_routes_include_count_and_are_checked(
+def test_included_route_files_are_counted_and_checked(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     (tmp_path / "more.rou.xml").write_text(ROUTES.replace('"three"', '"four"'))
@@ -159,7 +160,7 @@ def test_files_that_routes_include_count_and_are_checked(
 
 
 @pytest.mark.parametrize("begin", ["-1", "nan", "1e300", "soon", "x" * 100_000])
-def test_a_begin_that_is_no_time(
+def test_an_invalid_begin_is_refused(
     tmp_path: Path, road: Callable[..., Path], drive: Driver, begin: str
 ) -> None:
     (tmp_path / "own.rou.xml").write_text(ROUTES)
@@ -180,11 +181,11 @@ def test_a_network_with_entities_is_refused(tmp_path: Path, road: Callable[..., 
         drive(load_scenario("smoke", [f"map.sumo_net={net}"]), 1)
 
 
-def test_more_vehicles_than_there_is_room_for(
+def test_more_vehicles_than_fit_on_the_lanes_are_refused(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     settings = [f"map.sumo_net={road(200)}", "traffic.vehicles=5000"]
-    with pytest.raises(AdvpipeError, match=r"traffic\.vehicles is 5000; bumper to bumper, .* km of"):
+    with pytest.raises(AdvpipeError, match=r"traffic\.vehicles is 5000; the .* km of lanes"):
         drive(load_scenario("smoke", settings), 1)
 
 
@@ -197,7 +198,7 @@ ROUTES_OF_EGO = {
 
 @pytest.mark.parametrize(("route", "message"), ROUTES_OF_EGO.items())
 @pytest.mark.parametrize("driver", ["traffic", "controller"])
-def test_bad_routes_of_instrumented_vehicles_are_named(
+def test_invalid_routes_of_instrumented_vehicles_are_one_line_errors(
     road: Callable[..., Path], drive: Driver, route: str, message: str, driver: str
 ) -> None:
     settings = [f"map.sumo_net={road(200)}", f"vehicles={{ego: {{route: {route}, driver: {driver}}}}}"]

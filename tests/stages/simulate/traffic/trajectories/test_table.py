@@ -27,7 +27,7 @@ def test_rows_are_sorted_by_id(tmp_path: Path) -> None:
     assert (table["a"].body, table["b"].body) == ("sedan", "bus")
 
 
-def test_parquet_says_the_same(tmp_path: Path) -> None:
+def test_parquet_and_csv_give_the_same_rows(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text(GOOD)
     rows = [line.split(",") for line in GOOD.splitlines()]
     columns = {
@@ -68,7 +68,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "message"), BAD.items(), ids=range(len(BAD)))
-def test_bad_tables_are_named(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_tables_are_one_line_errors(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "t.csv"
     path.write_text(text)
     with pytest.raises(AdvpipeError, match=message) as caught:
@@ -77,13 +77,13 @@ def test_bad_tables_are_named(tmp_path: Path, text: str, message: str) -> None:
     assert "t.csv" in str(caught.value)
 
 
-def test_a_picture_is_no_table(tmp_path: Path) -> None:
+def test_a_picture_is_refused_as_a_table(tmp_path: Path) -> None:
     (tmp_path / "t.png").write_bytes(b"\x89PNG" + bytes(range(256)))
     with pytest.raises(AdvpipeError, match=r"t\.png is not a CSV or Parquet table"):
         read_trajectory_table(tmp_path / "t.png", BODIES)
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_a_missing_file_is_a_one_line_error(tmp_path: Path) -> None:
     with pytest.raises(AdvpipeError, match="does not exist"):
         read_trajectory_table(tmp_path / "none.csv", BODIES)
 
@@ -109,44 +109,44 @@ print((peak_kib() - before) >> 10, time.process_time() - start)
 def measured(path: Path) -> tuple[str, float, float]:
     """What reading comes to, how many MiB and seconds it takes."""
     done = subprocess.run([sys.executable, "-c", MEASURE, path], capture_output=True, text=True, check=True)
-    said, figures = done.stdout.splitlines()
+    output, figures = done.stdout.splitlines()
     peak_mib, time_s = map(float, figures.split())
-    return said, peak_mib, time_s
+    return output, peak_mib, time_s
 
 
-def test_millions_of_equal_rows_of_parquet_are_refused_at_once(tmp_path: Path) -> None:
+def test_millions_of_compressed_parquet_rows_are_refused_quickly(tmp_path: Path) -> None:
     path, codes = tmp_path / "t.parquet", np.zeros(1 << 20, np.int32)
-    words = [pyarrow.array(["a"]), *[pyarrow.array([0.5])] * 5]
-    arrays = [pyarrow.DictionaryArray.from_arrays(codes, one) for one in words]
+    columns = [pyarrow.array(["a"]), *[pyarrow.array([0.5])] * 5]
+    arrays = [pyarrow.DictionaryArray.from_arrays(codes, one) for one in columns]
     table = pyarrow.Table.from_arrays(arrays, names=HEAD.split(","))
     with pyarrow.parquet.ParquetWriter(path, table.schema, compression="zstd") as writer:
         for _ in range(8):
             writer.write_table(table)
     assert path.stat().st_size < 250_000
-    said, peak_mib, time_s = measured(path)
-    assert "8388608 rows; at most 5000000" in said
+    output, peak_mib, time_s = measured(path)
+    assert "8388608 rows; at most 5000000" in output
     assert peak_mib < 100
     assert time_s < 5
 
 
-def test_a_long_drive_takes_little_more_memory_than_its_numbers(tmp_path: Path) -> None:
+def test_memory_of_a_long_table_is_near_the_size_of_its_numbers(tmp_path: Path) -> None:
     """200,000 rows of seven numbers: 11 MB; as Python's own values they took ten times that."""
     lines = (f"car{row % 20},{row // 20 * 0.1:.1f},{row % 977},{row % 983},0,0.25" for row in range(200_000))
     (tmp_path / "t.csv").write_text("\n".join((HEAD, *lines)))
-    said, peak_mib, time_s = measured(tmp_path / "t.csv")
-    assert said == "200000"
+    output, peak_mib, time_s = measured(tmp_path / "t.csv")
+    assert output == "200000"
     assert peak_mib < 45
     assert time_s < 20
 
 
-def test_rows_without_end_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("advpipe.stages.simulate.traffic.trajectories.rows.MOST_ROWS", 3)
     (tmp_path / "t.csv").write_text(GOOD)
     with pytest.raises(AdvpipeError, match=r"t\.csv has more than 3 rows"):
         read_trajectory_table(tmp_path / "t.csv", BODIES)
 
 
-def test_ids_without_end_are_refused(tmp_path: Path) -> None:
+def test_too_many_ids_are_refused(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("\n".join((HEAD, *(f"car{row},0,0,0,0,0" for row in range(20_001)))))
     with pytest.raises(AdvpipeError, match=r"line 20002: more than 20000 ids"):
         read_trajectory_table(tmp_path / "t.csv", BODIES)

@@ -1,4 +1,4 @@
-"""Traffic of a table alone: the drive that SUMO gives where nobody else is on the road."""
+"""Traffic of a table alone: the same drive as SUMO's without other traffic."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def played(folder: Path, *settings: str) -> Scenario:
     return load_scenario("smoke", [*more, *settings])
 
 
-def test_the_drive_is_that_of_sumo_without_traffic(tmp_path: Path) -> None:
+def test_the_drive_equals_sumos_without_other_traffic(tmp_path: Path) -> None:
     bags = []
     for source in ("sumo", "trajectories"):
         simulate(played(tmp_path, f"traffic.source={source}"), tmp_path / source)
@@ -40,7 +40,7 @@ def test_the_drive_is_that_of_sumo_without_traffic(tmp_path: Path) -> None:
     assert len(bags[0]) > 50
 
 
-def test_who_is_pushed_is_there_for_one_step(tmp_path: Path, variants: dict[str, Variant]) -> None:
+def test_a_pushed_vehicle_exists_for_one_step(tmp_path: Path, variants: dict[str, Variant]) -> None:
     scenario = played(tmp_path, "traffic.source=trajectories")
     guest = RoadUser("guest", variants["suv.0"], se3_from_yaw([1, 2, 0], 0), np.zeros(3))
     network = load_network(scenario.map, tmp_path)
@@ -55,7 +55,7 @@ def test_who_is_pushed_is_there_for_one_step(tmp_path: Path, variants: dict[str,
     assert seen == [ego, ego, ego | {"guest"}, bus, bus, bus, bus, ego]
 
 
-def test_one_of_the_table_is_taken_over_by_its_id(tmp_path: Path, variants: dict[str, Variant]) -> None:
+def test_pushing_a_vehicle_of_the_table_replaces_it(tmp_path: Path, variants: dict[str, Variant]) -> None:
     scenario = played(tmp_path, "traffic.source=trajectories")
     aside = RoadUser(
         "ego", variants["sedan.0"], se3_from_yaw([1, 2, 0], 0), np.zeros(3), ExteriorLights.LOW_BEAM
@@ -73,7 +73,7 @@ def test_one_of_the_table_is_taken_over_by_its_id(tmp_path: Path, variants: dict
     assert back.position_m[1] == of_table.position_m[1] == -30
 
 
-def test_one_whom_the_table_does_not_move_is_refused(tmp_path: Path) -> None:
+def test_a_vehicle_with_another_driver_is_refused(tmp_path: Path) -> None:
     scenario = load_scenario("smoke", ["traffic.source=trajectories"])
     with pytest.raises(UsageError, match=r"vehicles\.ego\.driver is traffic, but .* set it to trajectory"):
         simulate(scenario, tmp_path / "out")

@@ -25,7 +25,7 @@ def trajectory(variants: dict[str, Variant], rows: list[list[float]]) -> Traject
     return Trajectory.of("a", variants["sedan.0"], Rows(np.array(rows, dtype=np.float64), "sedan"))
 
 
-def test_halfway_is_half_the_way(variants: dict[str, Variant]) -> None:
+def test_position_is_interpolated_halfway(variants: dict[str, Variant]) -> None:
     """Yaw from 170 to -170 degrees goes through 180, not through 0."""
     turn = np.deg2rad(170)
     user = trajectory(variants, [[0, 0, 0, 0, turn, 0, 0], [2, 4, 8, 2, -turn, 0.2, 0]]).at(1.0)
@@ -35,15 +35,15 @@ def test_halfway_is_half_the_way(variants: dict[str, Variant]) -> None:
     assert user.velocity_mps == pytest.approx([2, 4, 1])
 
 
-def test_velocity_is_that_of_a_smooth_curve(variants: dict[str, Variant]) -> None:
+def test_velocity_matches_a_smooth_curve(variants: dict[str, Variant]) -> None:
     """x = t^2 at rows of unequal spacing: its velocity at t = 3 is 6."""
     rows = [[t, t * t, 0, 0, 0, 0, 0] for t in (0.0, 1.0, 2.5, 3.0, 4.0)]
     assert trajectory(variants, rows).at(3.0).velocity_mps == pytest.approx([6, 0, 0])
 
 
-def test_it_is_there_from_first_to_last_row(variants: dict[str, Variant]) -> None:
+def test_a_vehicle_exists_from_its_first_to_its_last_row(variants: dict[str, Variant]) -> None:
     one = trajectory(variants, [[0.3, 0, 0, 0, 0, 0, 0], [0.7, 1, 0, 0, 0, 0, 0]])
-    assert [one.is_there(k / 10) for k in range(10)] == [False] * 3 + [True] * 5 + [False] * 2
+    assert [one.exists_at(k / 10) for k in range(10)] == [False] * 3 + [True] * 5 + [False] * 2
 
 
 def scenario(folder: Path, net: Path, rows: str, *settings: str) -> Scenario:
@@ -58,9 +58,7 @@ def scenario(folder: Path, net: Path, rows: str, *settings: str) -> Scenario:
     return load_scenario("smoke", [*more, *settings])
 
 
-def test_it_ends_where_its_rows_say_on_a_slope_too(
-    tmp_path: Path, road: Callable[..., Path], drive: Driver
-) -> None:
+def test_poses_on_a_slope_match_the_rows(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
     """A climb of 30 m in 300 m; the ego's rows alone say where it is, to the last frame."""
     pitch_rad = -np.arctan(0.1)
     rows = "".join(f"ego,{t},{20 + 12 * t},-1.6,{2 + 1.2 * t},0,{pitch_rad},0,sedan\n" for t in range(11))
@@ -73,7 +71,7 @@ def test_it_ends_where_its_rows_say_on_a_slope_too(
         assert ego.velocity_mps == pytest.approx([12, 0, 1.2])
 
 
-def test_traffic_stops_behind_one_that_stands(
+def test_traffic_stops_behind_a_standing_trajectory_vehicle(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     """Unhindered, the ego drives the 400 m through; behind a standing car it stops before its rear."""
@@ -90,7 +88,7 @@ def test_traffic_stops_behind_one_that_stands(
     assert ends[1] > 380
 
 
-def test_one_that_leaves_the_road_stays_in_the_world(
+def test_a_trajectory_vehicle_off_the_road_stays_in_the_world(
     tmp_path: Path, road: Callable[..., Path], drive: Driver
 ) -> None:
     """It drives straight across the road and on into the fields, and back."""
@@ -103,7 +101,7 @@ def test_one_that_leaves_the_road_stays_in_the_world(
     assert states[0]["stray"].variant.body.label == "truck"
 
 
-def test_vehicles_come_and_go_and_the_others_stay(
+def test_trajectory_vehicles_come_and_go_without_affecting_others(
     tmp_path: Path, grid: Callable[..., Path], drive: Driver
 ) -> None:
     """Sixty vehicles of SUMO's, twenty of the table's that appear and vanish among them."""
@@ -129,14 +127,14 @@ BAD = {
 
 
 @pytest.mark.parametrize(("rows", "message"), BAD.items(), ids=range(len(BAD)))
-def test_a_carrier_needs_rows_for_the_whole_recording(
+def test_an_instrumented_vehicle_needs_rows_for_the_whole_recording(
     tmp_path: Path, road: Callable[..., Path], drive: Driver, rows: str, message: str
 ) -> None:
     with pytest.raises(AdvpipeError, match=message):
         drive(scenario(tmp_path, road(200), rows, "vehicles={ego: {driver: trajectory}}"), 1)
 
 
-def test_names_of_ours_are_refused(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
+def test_reserved_names_are_refused(tmp_path: Path, road: Callable[..., Path], drive: Driver) -> None:
     rows = "pedestrian.3,0,0,0,0,0,0,0,sedan\npedestrian.3,1,0,0,0,0,0,0,sedan\n"
     with pytest.raises(AdvpipeError, match=r"pedestrian\.3 is a reserved name; .* traffic\.pedestrians to 0"):
         drive(scenario(tmp_path, road(200), rows, "traffic.pedestrians=5"), 1)

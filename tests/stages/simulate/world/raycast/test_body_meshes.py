@@ -21,7 +21,7 @@ VEHICLES = [name for name, body in BODIES.items() if body.label in ("car", "truc
 
 
 def of_its_size(name: str) -> Variant:
-    """The body as large as its kind is, in red."""
+    """The body at its nominal size, in red."""
     body = BODIES[name]
     return Variant(f"{name}.0", body, body.length_m, body.width_m, body.height_m, "paint_red")
 
@@ -37,7 +37,7 @@ def test_a_body_without_mirrors_fills_its_box_exactly(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_only_mirrors_stick_out_and_triangles_are_few(name: str) -> None:
+def test_only_mirrors_exceed_the_box_and_meshes_are_small(name: str) -> None:
     body = BODIES[name]
     mesh = body_mesh(of_its_size(name))
     out_m = MIRROR_OUT_M if SHAPES[name].mirrors else 0.0
@@ -63,8 +63,8 @@ def test_a_ray_from_the_side_hits_the_body_within_its_box(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_behind_a_windscreen_there_are_people_and_seats(name: str) -> None:
-    """From ahead, a little aside: panes are passed, and what lies behind them answers."""
+def test_rays_through_a_windscreen_hit_occupants_and_seats(name: str) -> None:
+    """From ahead, a little aside: rays pass the panes and hit the interior."""
     body = BODIES[name]
     scene = Scene(body_mesh(of_its_size(name)))
     targets = np.stack(
@@ -82,7 +82,7 @@ def test_behind_a_windscreen_there_are_people_and_seats(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_a_vehicle_shows_plate_and_lamps_to_the_rear_and_wheels_to_the_side(name: str) -> None:
+def test_rays_hit_plate_and_lamps_from_behind_and_wheels_from_the_side(name: str) -> None:
     body = BODIES[name]
     scene = Scene(body_mesh(of_its_size(name)))
     y, z = np.meshgrid(np.arange(-0.49, 0.5, 0.02) * body.width_m, np.arange(0.2, 0.75 * body.height_m, 0.03))

@@ -1,4 +1,4 @@
-"""Rays pass panes, meet what lies behind, and see a pane itself only near its normal."""
+"""Rays pass panes, hit surfaces behind them, and hit a pane itself only near its normal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def ray(degrees: float) -> np.ndarray:
     return np.array([[0, 0, 0, np.cos(a), np.sin(a), 0]], np.float32)
 
 
-def test_two_panes_weaken_the_wall_behind_them() -> None:
+def test_two_panes_attenuate_the_return_of_a_wall() -> None:
     scene = Scene(merge([wall(5, "glass"), wall(6, "glass_tinted"), wall(8, "masonry")]))
     hits = scene.cast(ray(30.0))
     assert hits.range_m[0] == pytest.approx(8 / np.cos(np.deg2rad(30)), abs=1e-4)
@@ -39,13 +39,13 @@ def test_two_panes_weaken_the_wall_behind_them() -> None:
 
 
 @pytest.mark.parametrize(("degrees", "material"), [(4.0, "glass"), (6.0, "masonry")])
-def test_a_pane_shows_itself_within_five_degrees_of_its_normal(degrees: float, material: str) -> None:
+def test_a_pane_returns_rays_only_within_five_degrees_of_its_normal(degrees: float, material: str) -> None:
     hits = Scene(merge([wall(5, "glass"), wall(8, "masonry")])).cast(ray(degrees))
     assert hits.materials[0] == MATERIAL_ID[material]
     assert hits.transmission[0] == pytest.approx(1.0 if material == "glass" else 0.8)
 
 
-def test_light_is_lost_behind_the_fifth_pane_and_in_the_open() -> None:
+def test_no_return_behind_the_fifth_pane_or_from_the_sky() -> None:
     four = [wall(x, "glass") for x in (2, 3, 4, 5)]
     behind_four = Scene(merge([*four, wall(9, "masonry")])).cast(ray(30.0))
     assert behind_four.transmission[0] == pytest.approx(0.8**4)
@@ -53,13 +53,13 @@ def test_light_is_lost_behind_the_fifth_pane_and_in_the_open() -> None:
     assert np.isinf(Scene(merge(four[:2])).cast(ray(30.0)).range_m[0])
 
 
-def test_an_empty_scene_answers_nothing() -> None:
+def test_an_empty_scene_returns_no_hits() -> None:
     hits = Scene(merge([])).cast(ray(0.0))
     assert np.isinf(hits.range_m[0])
     assert hits.objects[0] == -1
 
 
-def test_parts_do_not_see_each_other() -> None:
+def test_rays_hit_only_their_own_part() -> None:
     mesh = merge([wall(5, "steel"), wall(8, "masonry")])
     scene = Scene(mesh, np.array([0, 0, 1, 1], np.int32))
     rays = np.repeat(ray(0.0), 2, axis=0)

@@ -1,4 +1,4 @@
-"""Crowns let some rays through, and cost few triangles; rooms lie behind windows."""
+"""Crowns transmit some rays and have few triangles; there are rooms behind windows."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
 
-@pytest.mark.parametrize("kind", [trees.round_tree, trees.conifer, trees.columnar_tree])
-def test_a_crown_lets_some_rays_through(kind: Callable[[np.random.Generator], Mesh]) -> None:
+@pytest.mark.parametrize("build", [trees.round_tree, trees.conifer, trees.columnar_tree])
+def test_a_tree_crown_transmits_some_rays(build: Callable[[np.random.Generator], Mesh]) -> None:
     """Through the middle half of the crown, over ten trees: neither a wall nor thin air."""
     shares = []
     for seed in range(10):
-        mesh = kind(np.random.default_rng(seed))
+        mesh = build(np.random.default_rng(seed))
         assert len(mesh.triangles) <= 300
         leaves = np.isin(mesh.materials, [MATERIAL_ID["foliage"], MATERIAL_ID["conifer"]])
         points = mesh.vertices_m[np.unique(mesh.triangles[leaves])]
@@ -31,7 +31,7 @@ def test_a_crown_lets_some_rays_through(kind: Callable[[np.random.Generator], Me
     assert 0.08 < np.mean(shares) < 0.6
 
 
-def test_behind_a_buildings_windows_there_are_rooms() -> None:
+def test_rays_through_building_windows_hit_rooms() -> None:
     mesh = buildings.building(20.0, 12.0, 3, np.random.default_rng(0))
     scene = Scene(mesh)
     x, z = np.meshgrid(np.linspace(-9, 9, 120), np.linspace(0.2, 8.5, 80))
@@ -49,7 +49,7 @@ def test_behind_a_buildings_windows_there_are_rooms() -> None:
     assert MATERIAL_ID["pane"] in scene.cast(rays).materials
 
 
-def test_a_sign_is_bright_to_the_front_only() -> None:
+def test_a_sign_is_retroreflective_on_its_front_only() -> None:
     scene = Scene(furniture.traffic_sign(np.random.default_rng(3)))
     y, z = np.meshgrid(np.linspace(-0.8, 0.8, 60), np.linspace(1.9, 3.5, 60))
     rays = np.zeros((y.size, 6), np.float32)

@@ -73,7 +73,7 @@ def test_every_format_stands_on_the_ground_at_its_size(tmp_path: Path, suffix: s
     assert set(mesh.materials.tolist()) == {MATERIAL_ID["steel"]}
 
 
-def test_a_body_of_the_users_is_one_variant_more(tmp_path: Path) -> None:
+def test_a_user_body_adds_one_variant(tmp_path: Path) -> None:
     body = UserBody(mesh=str(crate(tmp_path / "crate.ply")), label="truck")
     plain = draw_variants(np.random.default_rng(3))
     variants = draw_variants(np.random.default_rng(3), {"crate": body})
@@ -97,13 +97,13 @@ STL_HEAD = b"\0" * 80 + struct.pack("<I", 10**9)
     ("name", "content", "message"),
     [
         ("absent.obj", None, "does not exist; give the path of an .obj"),
-        ("empty.ply", b"", "holds no triangles, or is no mesh at all"),
-        ("text.obj", b"this is no mesh\n" * 20, "holds no triangles, or is no mesh at all"),
-        ("noise.glb", bytes(range(256)) * 20, "holds no triangles, or is no mesh at all"),
-        ("noise.stl", bytes(range(256)) * 20, "holds no triangles, or is no mesh at all"),
-        ("huge.stl", STL_HEAD, "holds no triangles, or is no mesh at all"),
-        ("crashing.ply", CRASHING_PLY.encode(), "holds no triangles, or is no mesh at all"),
-        ("noise.off", b"OFF\n3 1 0\nx y z\n", "holds no triangles, or is no mesh at all"),
+        ("empty.ply", b"", "contains no triangles or is not a mesh"),
+        ("text.obj", b"this is no mesh\n" * 20, "contains no triangles or is not a mesh"),
+        ("noise.glb", bytes(range(256)) * 20, "contains no triangles or is not a mesh"),
+        ("noise.stl", bytes(range(256)) * 20, "contains no triangles or is not a mesh"),
+        ("huge.stl", STL_HEAD, "contains no triangles or is not a mesh"),
+        ("crashing.ply", CRASHING_PLY.encode(), "contains no triangles or is not a mesh"),
+        ("noise.off", b"OFF\n3 1 0\nx y z\n", "contains no triangles or is not a mesh"),
         ("nan.ply", NAN_PLY.encode(), "has vertices that are not finite"),
         ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a side of less than 0.01 m"),
         ("far.obj", b"v 0 0 0\nv 9999 0 0\nv 0 9 9\nf 1 2 3\n", "larger than 300 m; set scale"),
@@ -112,7 +112,7 @@ STL_HEAD = b"\0" * 80 + struct.pack("<I", 10**9)
         ("picture.png", b"\x89PNG", "is none of .obj, .ply, .stl, .glb, .off"),
     ],
 )
-def test_what_is_no_mesh_is_refused_in_one_line(
+def test_an_invalid_mesh_is_a_one_line_error(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, content: bytes | None, message: str
 ) -> None:
     path = tmp_path / name
@@ -131,12 +131,12 @@ def test_what_is_no_mesh_is_refused_in_one_line(
 
 def test_an_unknown_material_names_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(
-        AdvpipeError, match=r"bodies.x.material: 'gold' is no material; known: .*asphalt, .*steel"
+        AdvpipeError, match=r"bodies.x.material: 'gold' is not a known material; known: .*asphalt, .*steel"
     ):
         load_mesh(str(crate(tmp_path / "crate.obj")), "bodies.x", "gold", 1.0)
 
 
-def test_an_object_of_the_users_stands_on_the_ground_where_it_was_put(
+def test_a_user_object_stands_on_the_ground_at_its_position(
     tmp_path: Path, boulevard: Any, middle_m: np.ndarray
 ) -> None:
     from advpipe.pipeline.scenario.environment import UserObject

@@ -16,7 +16,7 @@ from advpipe.stages.simulate.world.raycast.body_meshes import body_mesh
 from advpipe.stages.simulate.world.raycast.materials import TRANSMITTANCE
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
 from advpipe.stages.simulate.world.raycast.scene import MAX_PANES, SPECULAR_COS
-from advpipe.stages.simulate.world.raycast.windows import Windows
+from advpipe.stages.simulate.world.raycast.windows import SortedRays
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 COUNT = 40
@@ -58,21 +58,21 @@ def cast(boulevard: Any, sweep: Any, users: Any, middle_m: np.ndarray) -> Any:
     return rays, everyone, boulevard.world.cast(rays, everyone)
 
 
-def test_each_user_alone_is_met_as_open3d_lists_it(boulevard: Any, cast: Any) -> None:
+def test_hits_of_each_road_user_match_open3d(boulevard: Any, cast: Any) -> None:
     """Range, light left, and which rays: for every body, in a pose of its own."""
     rays, everyone, _ = cast
-    contacts = boulevard.world._bodies.contacts(rays, everyone)
+    candidates = boulevard.world._bodies.candidate_hits(rays, everyone)
     for index, user in enumerate(everyone):
         expected, _ = first_returns(body_mesh(user.variant).transformed(user.map_SE3_base), rays)
-        of = contacts.users == index
+        of = candidates.users == index
         found = np.full(len(rays), np.inf)
-        found[contacts.rays[of]] = contacts.returns.range_m[of]
+        found[candidates.rays[of]] = candidates.returns.range_m[of]
         # A ray along an edge may go either way.
         same = np.isclose(found, expected, atol=3e-3) | (np.isinf(found) & np.isinf(expected))
         assert (~same).sum() <= max(2, 0.01 * np.isfinite(expected).sum()), user.variant.name
 
 
-def test_the_nearest_return_wins_and_occlusion_follows(boulevard: Any, cast: Any) -> None:
+def test_the_nearest_return_is_kept_and_occlusion_matches(boulevard: Any, cast: Any) -> None:
     rays, everyone, hits = cast
     static = boulevard.world._static.cast(rays)
     parked = boulevard.world.parked
@@ -113,7 +113,7 @@ def test_a_far_parked_car_is_left_out_beyond_the_range(boulevard: Any, cast: Any
     assert {-2 - int(index) for index in np.unique(hits.objects) if index < -1} > seen
 
 
-def test_windows_hold_every_ray_that_meets_a_box_also_from_moving_origins(sweep: Any) -> None:
+def test_angular_windows_contain_every_ray_that_hits_a_box(sweep: Any) -> None:
     """Against slabs: also boxes around the sensor, beside it, tilted ones, and across the circle's end."""
     rng = np.random.default_rng(0)
     rays = sweep(np.zeros(3))
@@ -128,7 +128,7 @@ def test_windows_hold_every_ray_that_meets_a_box_also_from_moving_origins(sweep:
         halves.append(rng.uniform(0.2, [8, 1.5, 2]))
     found = set(
         zip(
-            *(column.tolist() for column in Windows(rays).pairs(np.array(poses), np.array(halves))),
+            *(column.tolist() for column in SortedRays(rays).pairs(np.array(poses), np.array(halves))),
             strict=True,
         )
     )
@@ -158,7 +158,7 @@ def test_same_seed_same_world(boulevard: Any, cast: Any) -> None:
     assert not np.array_equal(hits.range_m, elsewhere.range_m)
 
 
-def test_points_on_users_lie_in_their_boxes(cast: Any) -> None:
+def test_points_on_road_users_are_inside_their_boxes(cast: Any) -> None:
     """But for mirrors: at least 98 % of what a box, grown by them, holds."""
     rays, everyone, hits = cast
     inside = total = 0
@@ -173,7 +173,9 @@ def test_points_on_users_lie_in_their_boxes(cast: Any) -> None:
     assert inside > 0.98 * total
 
 
-def test_the_scene_holds_what_the_city_has(boulevard: Any, sweep: Callable[..., np.ndarray]) -> None:
+def test_the_scene_contains_all_kinds_of_city_objects(
+    boulevard: Any, sweep: Callable[..., np.ndarray]
+) -> None:
     """Seen from many places along the streets."""
     from advpipe.stages.simulate.world.raycast.materials import SEMANTIC, SEMANTIC_CLASSES
 
