@@ -32,6 +32,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 findings, or a failure on the way; 2 wrong use; 128 + n ended by signal n.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
