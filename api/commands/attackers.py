@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.option_names import option_name
 
 
 def attackers_section(words: Sequence[str]) -> dict[str, Any] | None:
@@ -17,7 +18,9 @@ def attackers_section(words: Sequence[str]) -> dict[str, Any] | None:
     if not special:
         return {"vehicles": list(words)}
     if len(words) > 1:
-        raise UsageError(f"--attacker {special[0]}: a share or a roadside unit must be the only attacker")
+        raise UsageError(
+            f"{option_name('attacker', special[0])}: a share or a roadside unit must be the only attacker"
+        )
     (word,) = words
     try:
         if word.endswith("%"):
@@ -25,4 +28,6 @@ def attackers_section(words: Sequence[str]) -> dict[str, Any] | None:
         numbers = [float(part) for part in word.removeprefix("rsu:").split(",")]
         return {"roadside_unit": dict(zip(("x_m", "y_m", "z_m")[: len(numbers)], numbers, strict=True))}
     except ValueError:
-        raise UsageError(f"--attacker {word}: write a vehicle's id, 20%, or rsu:X,Y in metres") from None
+        raise UsageError(
+            f"{option_name('attacker', word)}: write a vehicle's id, 20%, or rsu:X,Y in metres"
+        ) from None

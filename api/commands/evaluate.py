@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from advpipe.commands.paths import PathLike, bag_or_newest
-from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.commands.paths import PathLike, bag_or_newest, default_output, refuse_existing
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags, resolve_bag
 from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.registry import detector_slug
 from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import Report
-from advpipe.stages.evaluate.run import evaluate as run
+
+if TYPE_CHECKING:
+    from advpipe.stages.evaluate.run import Report
 
 
 def evaluate(
@@ -62,9 +64,12 @@ def evaluate(
         others = adversarial_bags(scored.parent)
     detectors = (detector,) if isinstance(detector, str) else tuple(detector)
     name = "+".join(detector_slug(each) for each in detectors)
-    target = scored.parent / "reports" / name if out is None else Path(out)
+    target = default_output(scored, name, "reports") if out is None else Path(out)
+    refuse_existing(target, overwrite)
     refuse_undecodable(scored, *others, target)
     detail(f"{', '.join(detectors)} on {device}, seed {seed}: {scored} and {len(others)} adversarial bags")
+    from advpipe.stages.evaluate.run import evaluate as run
+
     options = Options(
         detectors=detectors,
         seed=seed,

@@ -93,7 +93,7 @@ def attacked(summary: AttackSummary) -> Answer:
     """The bag, and what was done to it: of the losses their means."""
     before, after = summary.mean_losses
     document = {key: value for key, value in vars(summary).items() if key != "losses"}
-    document |= {"mean_loss_before": before, "mean_loss_after": after}
+    document |= {"mean_loss_before": before, "mean_loss_after": after, "warnings": summary.warnings}
     return Answer(document, print_line(summary))
 
 

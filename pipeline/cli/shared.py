@@ -59,12 +59,13 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
 
     @wraps(command)
     def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
+        from advpipe.pipeline.core.option_names import use_flags
         from advpipe.pipeline.core.streams import safe_streams
         from advpipe.pipeline.core.verbosity import Verbosity, phase, use_verbosity
         from advpipe.pipeline.process.document import strict_json
         from advpipe.pipeline.process.folder import check_paths
 
-        with safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
+        with use_flags(), safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
             check_paths([*args, *options.values()])
             _tell_versions()
             with phase("in all"):

@@ -9,6 +9,7 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.section import leaves, written_number
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
@@ -55,7 +56,7 @@ def resolved_parameters(spec: AttackSpec, kind: type[Attack]) -> dict[str, Any]:
             raise UsageError(f"{spec.type}: unknown parameter {short_repr(name)}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
-            raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
+            raise UsageError(f"{spec.type}: {name} is missing; pass {option_name(name)}")
     types = _types(kind)
     given = {name: _checked(spec.type, name, value, types) for name, value in spec.parameters.items()}
     return {name: given.get(name, default) for name, default in known.items()}

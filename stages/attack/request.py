@@ -1,9 +1,8 @@
-"""What to attack with: the request as the user makes it, resolved, and the name it gives its bag."""
+"""What to attack with: the request as the user makes it, and resolved."""
 
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,7 @@ from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.attack.declared import declaration_of
-from advpipe.stages.attack.lidar.base import LidarAttack
-from advpipe.stages.attack.parameters import known_parameters, resolved_parameters, resolved_recipe
+from advpipe.stages.attack.parameters import resolved_parameters, resolved_recipe
 from advpipe.stages.attack.plugin import source_sha256
 from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_keys, resolved_name
 
@@ -91,30 +89,6 @@ class AttackRequest:
             "recipe": resolved_recipe(leading, kind) if alone else "",
             "parameters": resolved_parameters(leading, kind) if alone else {},
         }
-
-
-def attack_id(request: AttackRequest) -> str:
-    """The default name of the adversarial bag: type, recipe, and the parameters that are not at their
-    defaults, such as `detach-best-0.01` or `detach-best-0.01-rounds20`; of several attacks, joined by +."""
-    name = "+".join(_one_id(spec) for spec in request.attacks)
-    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)[:200]
-
-
-def _one_id(spec: AttackSpec) -> str:
-    kind = find_attack(spec.type)
-    known = known_parameters(kind)
-    first = next(iter(known), None)
-    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, kind)) else [])]
-    for name, value in resolved_parameters(spec, kind).items():
-        if name == first and issubclass(kind, LidarAttack):
-            words.append(_short(value))
-        elif value != known[name]:
-            words.append(name if value is True else f"{name}{_short(value)}")
-    return "-".join(words)
-
-
-def _short(value: object) -> str:
-    return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
 
 
 def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:

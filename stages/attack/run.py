@@ -7,12 +7,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
+from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
@@ -25,11 +27,12 @@ from advpipe.stages.attack.contradictions import refuse_contradictions
 from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
 from advpipe.stages.attack.messages import change_messages
+from advpipe.stages.attack.output_name import attack_id
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.request import AttackRequest, attack_id
+from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.selected import messages_of_frames
-from advpipe.stages.attack.summary import AttackSummary
+from advpipe.stages.attack.summary import NOT_SCHEDULED, AttackSummary
 
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
 
@@ -61,6 +64,8 @@ def attack(
     if out.resolve() in (source, *source.parents):
         raise UsageError(f"{out} is or holds the clean bag; choose another output")
     plan = _plan(reader, request)
+    for spec in request.lidar:
+        notice_default_lidar(reader, spec.lidar or spec.victim)
     for detector in {spec.detector: None for spec in request.lidar}:
         load_detector(detector, request.device)
     provenance = job_provenance(reader, request)
@@ -83,6 +88,8 @@ def attack(
                 summary.replaced |= change.topics & set(reader.topics)
                 change.write_labels(bag.folder)
                 summary.counts.update(change.counts())
+    for warning in summary.warnings:
+        notice(f"warning: {warning}")
     return summary
 
 
@@ -133,7 +140,7 @@ def _write_with_clouds(
                 continue
             stamped, place = reader.cloud(message), place_of.get((message.topic.name, frame))
             if place is None:
-                result, name = unchanged(stamped.cloud, "not scheduled"), ""
+                result, name = unchanged(stamped.cloud, NOT_SCHEDULED), ""
             else:
                 result, name = job.require(place), request.lidar[plan.attacked[place].attack].type
             bag.copy(_with_result(message, stamped, result))

@@ -15,6 +15,10 @@ MAX_NOTES = 8
 """More lines nobody reads: some notes hold numbers that are others in every frame."""
 
 
+NOT_SCHEDULED = "not scheduled"
+"""The note on a frame that the attack's schedule leaves out."""
+
+
 @dataclass(repr=False)
 class AttackSummary(Tabular):
     """Counts over all frames; `unchanged` ones were left as they were.
@@ -45,6 +49,18 @@ class AttackSummary(Tabular):
             self.losses.append((result.loss_before, result.loss_after))
         if result.note:
             self.notes[result.note] += 1
+
+    @property
+    def warnings(self) -> list[str]:
+        """What makes the adversarial bag of no use: one line where clouds were to be changed and none was."""
+        if not self.frames or self.unchanged < self.frames:
+            return []
+        reasons = Counter({note: count for note, count in self.notes.items() if note != NOT_SCHEDULED})
+        (reason, count), *_ = reasons.most_common(1) or [("the attack gave no reason", self.frames)]
+        return [
+            f"no cloud of {self.bag} was changed: {reason} ({count} of {self.frames} frames); choose other "
+            "frames, or another attack"
+        ]
 
     @property
     def mean_losses(self) -> tuple[float | None, float | None]:

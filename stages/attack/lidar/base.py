@@ -124,6 +124,12 @@ class LidarAttack(Attack):
         many. None where it does not say."""
         return None
 
+    @property
+    def needs_ground_truth(self) -> bool:
+        """Whether it leaves every cloud without true boxes as it is, so that a bag without ground truth is
+        refused."""
+        return False
+
     @abstractmethod
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator

@@ -97,6 +97,12 @@ class Constraints:
         """What they bound in numbers, as `LidarAttack.bounds` has it."""
         return {} if self.max_points is None else {POINTS_TOUCHED.name: (0, self.max_points)}
 
+    def need_ground_truth(self, is_random: bool) -> bool:
+        """Whether attacks under them touch only what lies at true boxes; is_random: points are chosen
+        randomly, not by the objects."""
+        is_near_boxes = bool(self.objects) or self.near_objects_m is not None
+        return self.ghost is None and (is_near_boxes or not is_random)
+
     def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
         """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).
 

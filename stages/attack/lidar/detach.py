@@ -111,6 +111,10 @@ class Detach(LidarAttack):
     def query_budget(self) -> int:
         return queries(self.rounds) if self.recipe in QUERYING else 1
 
+    @property
+    def needs_ground_truth(self) -> bool:
+        return self.constraints.need_ground_truth(is_random=self.recipe == "random")
+
     def budget(self, points: int) -> int:
         """How many points of a cloud of this many are removed."""
         wanted = max(1, math.floor(self.ratio * points + 0.5))

@@ -138,6 +138,10 @@ class Perturb(LidarAttack):
     def query_budget(self) -> int:
         return self.steps if self.recipe in QUERYING else 1
 
+    @property
+    def needs_ground_truth(self) -> bool:
+        return self.constraints.need_ground_truth(is_random=self.recipe == "random")
+
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.missing_library import loader_line
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.road_network.bounded_xml import refuse_xml_bombs
 from advpipe.stages.simulate.road_network.check import check_network, check_opendrive
@@ -58,7 +59,7 @@ def prepare_network_file(source: Map, scratch: Path, seed: int) -> NetworkFile:
 def check_xml(path: Path, key: str, root_tags: tuple[str, ...], kind: str) -> ElementTree.Element:
     """The root element of a complete XML file of the right kind. Raises AdvpipeError for any other file."""
     if not path.is_file():
-        hint = f"give its path with --set {key}=FILE"
+        hint = f"give its path with {option_name('settings')} {key}=FILE"
         raise AdvpipeError(f"{key}: {path} {'is no file' if path.exists() else 'does not exist'}; {hint}")
     if path.stat().st_size == 0:
         raise AdvpipeError(f"{key}: {path} is empty")

@@ -47,7 +47,7 @@ def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> 
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     attack_command(bag, **options)  # type: ignore[arg-type]
     (spec,) = seen[0].attacks
     return spec
@@ -104,13 +104,13 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
             {"kind": "cam-dos", "attacker": ["a", "5%"]},
-            "--attacker 5%: a share or a roadside unit must be the only attacker",
+            "attacker=.5%.: a share or a roadside unit must be the only attacker",
         ),
         (
             {"kind": "cam-dos", "attacker": ["0%"]},
             r"attackers\.share: Input should be greater",
         ),
-        ({"kind": "cam-dos", "attacker": ["x%"]}, "--attacker x%: write a vehicle's id, 20%, or rsu:X,Y"),
+        ({"kind": "cam-dos", "attacker": ["x%"]}, "attacker=.x%.: write a vehicle's id, 20%, or rsu:X,Y"),
         ({"kind": "cam-dos", "attacker": ["rsu:1"]}, r"attackers\.roadside_unit\.y_m: Field required"),
         ({"kind": "cam-dos", "ratio": 0.1}, "cam-dos: unknown parameter 'ratio'; known: "),
         ({"from_s": 5.0, "to_s": 4.0}, "to_s 4 is not after from_s 5"),
@@ -186,7 +186,7 @@ def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytes
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     said(str(bag), "--type", "perturb", "--eps-cm", "3", "--along-ray", "--goal=hide", "--set", "steps=2")
     said("--objects", "[a, b]", "--type", "perturb", str(bag))
     said(str(bag), "--type", "cam-position-constant", "--x-m=-1e1", "--y-m", "5", "--no-rebuild-path")

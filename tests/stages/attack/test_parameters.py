@@ -131,7 +131,7 @@ def test_defaults_are_filled_in_in_the_constructors_order():
 @pytest.mark.parametrize(
     ("parameters", "line"),
     [
-        ({}, "my_own:Mine: size_m is missing; pass --set size_m=VALUE"),
+        ({}, "my_own:Mine: size_m is missing; pass size_m"),
         ({"size": 3}, "unknown parameter 'size'; known: size_m, mode, times, hard, ids"),
         ({"size_m": "wide"}, "size_m is 'wide': Input should be a valid number"),
         ({"size_m": True}, "size_m is True: Input should be a valid number"),

@@ -288,7 +288,7 @@ def test_two_runs_at_one_folder(drive, tiny, tmp_path, monkeypatch):
 @pytest.mark.parametrize("rate", [1e30, 1e6])
 def test_a_run_that_diverges_at_once_leaves_nothing(drive, tiny, tmp_path, rate):
     for steps in (1, 4):
-        with pytest.raises(AdvpipeError, match=r"not finite at step [1-4], .*lower --learning-rate"):
+        with pytest.raises(AdvpipeError, match=r"not finite at step [1-4], .*lower learning_rate"):
             run.train(configured(drive, tmp_path / "new" / "run", learning_rate=rate, steps=steps))
         assert not (tmp_path / "new").exists()
     run.train(configured(drive, tmp_path / "new" / "run", steps=1))
