@@ -43,8 +43,9 @@ def evaluate(
     bag. detector: a shipped name, a .safetensors file, or `module:Class`; several make a matrix of transfer.
     device: where it computes, `cpu`, `cuda` or `cuda:N`. frames: `start:stop:step`, counted in the clean bag:
     which clouds detection looks at. defence: `NAME[:parameters]` before the detector, such as `jitter:0.02`,
-    or several. seed: of the bootstrap, the baselines and the defences. baseline: scores the same budget spent
-    at random; baseline_tries: of how many tries the best one, by default as many as the attack looked at.
+    or several. seed: of the bootstrap, the baselines and the defences. baseline: also scores a random
+    attack with the same budget; baseline_tries: its queries, of which it keeps the best, by default as many
+    as the attack has.
     lidar: the topic of the clouds, among several. write_detections: writes bags that show the detections;
     with_clouds: with the clouds in them. workers: processes, by default one a core; their number changes no
     byte. out: the report's folder, by default `reports/<detector>` of the data set. overwrite: replaces one

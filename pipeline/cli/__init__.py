@@ -54,8 +54,8 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "verify": verify_command,
     "schema": schema_command,
 }
-for word, command in COMMANDS.items():
-    app.command(word, cls=AttackCommand if word == "attack" else None)(answering(command))
+for name, command in COMMANDS.items():
+    app.command(name, cls=AttackCommand if name == "attack" else None)(answering(command))
 
 
 def _version(wanted: bool) -> None:

@@ -26,7 +26,7 @@ def attack_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    kind: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
+    type: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
     recipe: Annotated[
         str | None, cli_option(AttackOptions, "recipe", show_default="best")
     ] = AttackOptions.recipe,
@@ -69,7 +69,7 @@ def attack_command(
     given = {name: value for name, value in more_parameters.items() if value is not None}
     summary = run(
         bag,
-        type=kind,
+        type=type,
         recipe=recipe,
         attacker=attacker or (),
         victim=victim,
@@ -104,8 +104,8 @@ def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
 
     found = dict(options)
     for setting in settings:
-        word, equals, text = setting.partition("=")
-        name = word.strip().replace("-", "_")
+        given, equals, text = setting.partition("=")
+        name = given.strip().replace("-", "_")
         if not equals or not name:
             raise UsageError(f"--set {short_repr(setting)}: write name=value, such as rounds=20")
         if name in found:

@@ -1,4 +1,4 @@
-"""Which clouds of a bag are attacked, and by what."""
+"""The clouds of a bag that are attacked, and the attack on each."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class CloudPlan:
 def plan_clouds(
     reader: BagReader, attacks: Sequence[AttackSpec], frames: FrameSlice, recording: RecordedTimes, seed: int
 ) -> CloudPlan:
-    """Who attacks which clouds; at most one attack for each.
+    """The clouds that each attack changes; at most one attack for each cloud.
 
     Raises AdvpipeError for a bag without the clouds or the ground truth that an attack needs, frames that it
     does not have, a schedule that meets none, and two attacks on the same clouds at the same time.
@@ -114,13 +114,13 @@ def _no_cloud(
 
 
 def is_active(spec: AttackSpec, frame: int, time_s: float, seed: int) -> bool:
-    """Whether the attack's schedule includes a cloud; a random one draws for each cloud, chosen or not."""
+    """Whether the attack's schedule includes a cloud; a random schedule draws for each cloud of the bag."""
     rng = named_generator(seed, "attack", "schedule", spec.type, spec.seed_name, frame)
     return spec.schedule.active(time_s, rng)
 
 
 def topic_of(reader: BagReader, spec: AttackSpec) -> str:
-    """The topic of the clouds that it attacks; raises AdvpipeError where the bag has none or several."""
+    """The topic of the clouds that an attack changes. Raises AdvpipeError if the bag has none or several."""
     if spec.lidar is not None or spec.victim is None:
         return find_lidar_topic(reader, spec.lidar)
     own = [name for name in lidar_topics(reader) if name.startswith(f"/{spec.victim}/")]

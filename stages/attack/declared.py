@@ -1,4 +1,4 @@
-"""What attacks with their parameters declare, for the bag that they make."""
+"""What attacks declare, with their parameters, in the bag that they make."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from advpipe.stages.attack.v2x.declared import declaration_of_messages
 
 
 def declaration_of(spec: AttackSpec) -> Declaration:
-    """The declaration of an attack. Raises AdvpipeError for a bad parameter, and for a class that declares
-    what is none."""
-    kind = find_attack(spec.type)
+    """The declaration of an attack. Raises AdvpipeError for a bad parameter, and for a class whose
+    declaration is invalid."""
+    attack_class = find_attack(spec.type)
     with plugin_errors(plugin_names([spec.type])):
-        if issubclass(kind, V2xAttack):
-            return declaration_of_messages(spec, kind)
-        if issubclass(kind, LidarAttack):
+        if issubclass(attack_class, V2xAttack):
+            return declaration_of_messages(spec, attack_class)
+        if issubclass(attack_class, LidarAttack):
             bounds = build_lidar_attack(spec).bounds
         else:
-            assert issubclass(kind, GnssAttack)
-            bounds = kind(**resolved_parameters(spec, kind)).bounds
-        return Declaration(family=kind.family, bounds=checked_bounds(spec.type, kind, bounds))
+            assert issubclass(attack_class, GnssAttack)
+            bounds = attack_class(**resolved_parameters(spec, attack_class)).bounds
+        return Declaration(family=attack_class.family, bounds=checked_bounds(spec.type, attack_class, bounds))

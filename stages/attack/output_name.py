@@ -43,12 +43,12 @@ def _other_lidar(spec: AttackSpec, reader: BagReader) -> str:
 
 
 def _one_id(spec: AttackSpec) -> str:
-    kind = find_attack(spec.type)
-    known = known_parameters(kind)
+    attack_class = find_attack(spec.type)
+    known = known_parameters(attack_class)
     first = next(iter(known), None)
-    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, kind)) else [])]
-    for name, value in resolved_parameters(spec, kind).items():
-        if name == first and issubclass(kind, LidarAttack):
+    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, attack_class)) else [])]
+    for name, value in resolved_parameters(spec, attack_class).items():
+        if name == first and issubclass(attack_class, LidarAttack):
             words.append(_short(value))
         elif value != known[name]:
             words.append(name if value is True else f"{name}{_short(value)}")

@@ -49,14 +49,14 @@ def attack(
 
     Every message that is not attacked is copied byte for byte. Frames that are not chosen are left out, or
     their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
-    (the resolved request) and Parquet files that say what was done: labels.parquet and frames.parquet of
-    clouds (see `labels.clouds`), and what each change of messages tells. A run that was interrupted goes on
+    (the resolved request) and Parquet files with the labels: labels.parquet and frames.parquet of
+    clouds (see `labels.clouds`), and those of each change of messages. An interrupted run resumes
     where it stopped. The bytes are the same for any number of worker processes (default: one for each core,
     or one where a GPU takes several clouds at once), and whether it ran in one go or in pieces.
 
-    Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or lacks what is attacked,
-    frames or times that it does not have, attacks that contradict each other, an output that exists, and
-    while the same attack runs elsewhere.
+    Raises AdvpipeError for an unknown attack, a bad parameter, an invalid bag, a bag that lacks what is
+    attacked or the chosen frames or times, attacks that contradict each other, an output that exists, and
+    while another run makes the same output.
     """
     request.check()
     reader = BagReader(resolve_bag(clean))
@@ -96,13 +96,13 @@ def attack(
 def _attack_clouds(
     clean: Path, plan: CloudPlan, request: AttackRequest, job: Job, workers: int | None
 ) -> None:
-    """Attack the clouds that the job lacks; by batches in one process, unless more are asked for."""
+    """Attack the clouds that the job lacks; batches in one process, unless more workers are requested."""
     at_once = frames_at_once(request.device)
     groups = groups_of(plan.attacked, at_once)
     attacker = partial(
         cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
     )
-    if own := plugin_names(word for spec in request.lidar for word in (spec.type, spec.detector)):
+    if own := plugin_names(name for spec in request.lidar for name in (spec.type, spec.detector)):
         attacker = partial(with_plugin_errors, attacker, own)
     description = f"attacking: {attack_id(request)}"
     if at_once > 1:
@@ -111,7 +111,7 @@ def _attack_clouds(
 
 
 def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
-    """The clouds that are attacked, if any, in a bag that fits all of the request."""
+    """The clouds to attack, None without any. Raises AdvpipeError if the bag does not fit the request."""
     recording = recording_of(reader)
     for spec in request.attacks:
         recording.refuse_outside(spec)
@@ -153,7 +153,7 @@ def _write_with_clouds(
 
 
 def _with_result(message: RawMessage, clean: StampedCloud, result: LidarResult) -> RawMessage:
-    """The cloud's message with the adversarial points; as it was where none was touched."""
+    """The cloud's message with the adversarial points; unchanged if none was touched."""
     if not len(result.labels):
         return message
     return replace(message, cdr=cloud_to_cdr(result.cloud, clean.stamp_ns, clean.frame_id))

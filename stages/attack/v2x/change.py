@@ -96,8 +96,8 @@ def forge(
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
-    kind = V2X_ATTACKS.find(spec.type)
-    attack = kind(context, **resolved_parameters(spec, kind))
+    attack_class = V2X_ATTACKS.find(spec.type)
+    attack = attack_class(context, **resolved_parameters(spec, attack_class))
     if (
         attack.traits.needs_traffic
         and spec.attackers is not None

@@ -1,4 +1,4 @@
-"""What an attack on messages declares: from its class and parameters, as it is made for a drive alone."""
+"""The declaration of an attack on messages, from its class and parameters: instances need a drive."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.v2x.base import V2xAttack, v2x_traits
 
 
-def declaration_of_messages(spec: AttackSpec, kind: type[V2xAttack]) -> Declaration:
-    """The declaration of an attack of this class; raises AdvpipeError for what is none."""
-    parameters, traits = resolved_parameters(spec, kind), v2x_traits(kind)
-    untrue = kind.untrue(parameters)
+def declaration_of_messages(spec: AttackSpec, attack_class: type[V2xAttack]) -> Declaration:
+    """The declaration of an attack of this class; raises AdvpipeError for an invalid one."""
+    parameters, traits = resolved_parameters(spec, attack_class), v2x_traits(attack_class)
+    untrue = attack_class.untrue(parameters)
     if strange := sorted(set(untrue) - set(traits.untrue)):
-        raise UsageError(f"{spec.type} makes {short_repr(strange[0])} untrue, which its traits do not tell")
+        raise UsageError(
+            f"{spec.type} makes {short_repr(strange[0])} untrue, which its traits do not declare"
+        )
     return Declaration(
-        family=kind.family,
-        bounds=checked_bounds(spec.type, kind, kind.bounds(parameters)),
+        family=attack_class.family,
+        bounds=checked_bounds(spec.type, attack_class, attack_class.bounds(parameters)),
         every_message_matters=traits.every_message_matters,
         untrue=untrue,
         published=traits.published_with(parameters),
-        parts=kind.parts(spec.type, parameters),
+        parts=attack_class.parts(spec.type, parameters),
     )

@@ -71,13 +71,13 @@ class Mix(V2xAttack):
 
 def _part(mixed: Mixed) -> DeclaredPart:
     """The declaration of an attack with its parameters."""
-    kind = V2X_ATTACKS[mixed.name]
-    traits, parameters = v2x_traits(kind), {**known_parameters(kind), **mixed.parameters}
+    attack_class = V2X_ATTACKS[mixed.name]
+    traits, parameters = v2x_traits(attack_class), {**known_parameters(attack_class), **mixed.parameters}
     return DeclaredPart(
         name=mixed.name,
         every_message_matters=traits.every_message_matters,
-        bounds=dict(kind.bounds(parameters)),
-        untrue=kind.untrue(parameters),
+        bounds=dict(attack_class.bounds(parameters)),
+        untrue=attack_class.untrue(parameters),
         published=traits.published_with({}),
     )
 
@@ -85,7 +85,12 @@ def _part(mixed: Mixed) -> DeclaredPart:
 def three_attacks() -> list[Mixed]:
     """NextGen's mixThree."""
     kinds = PositionOffset, SpeedRandomOffset, SuddenStop
-    return [Mixed(name, {}) for kind in kinds for name, known in V2X_ATTACKS.items() if known is kind]
+    return [
+        Mixed(name, {})
+        for attack_class in kinds
+        for name, known in V2X_ATTACKS.items()
+        if known is attack_class
+    ]
 
 
 def nextgen_attacks() -> list[Mixed]:
@@ -116,7 +121,7 @@ MIXES: Mapping[str, Callable[[], list[Mixed]]] = {
 
 def _in_catalogue(place: Callable[[Published], int | None]) -> list[str]:
     """The attacks of a catalogue, in its order."""
-    places = {name: place(v2x_traits(kind).published) for name, kind in V2X_ATTACKS.items()}
+    places = {name: place(v2x_traits(attack_class).published) for name, attack_class in V2X_ATTACKS.items()}
     return sorted((name for name in places if places[name] is not None), key=lambda name: places[name] or 0)
 
 
@@ -131,5 +136,7 @@ def _named(mix: str, name: str) -> Iterator[Mixed]:
     elif name in V2X_ATTACKS and not issubclass(V2X_ATTACKS[name], Mix):
         yield Mixed(name, {})
     else:
-        known = ", ".join(one for one, kind in V2X_ATTACKS.items() if not issubclass(kind, Mix))
+        known = ", ".join(
+            one for one, attack_class in V2X_ATTACKS.items() if not issubclass(attack_class, Mix)
+        )
         raise UsageError(f"{mix}: {name!r} cannot be mixed; known: {', '.join(MIXES)}, {known}")
