@@ -39,7 +39,8 @@ class FrameSlice:
         """The chosen ones among `count` frames; a choice of none is refused."""
         chosen = range(*slice(self.start, self.stop, self.step).indices(count))
         if not chosen:
-            raise UsageError(f"frames {self} select none of the bag's {count} frames")
+            known = f"; choose from 0 to {count - 1}" if count else ""
+            raise UsageError(f"frames {self} select none of the bag's {count} frames{known}")
         return chosen
 
     def __str__(self) -> str:

@@ -95,6 +95,13 @@ def test_both_lidars(two_lidars, tmp_path):
     assert {int(x) - 2 for x in roof[1].cloud["x"]} == set(range(40)) - removed  # its x counts from 2 on
 
 
+def test_the_default_lidar_is_said_where_there_are_others(two_lidars, tmp_path, capsys):
+    attack(two_lidars, tmp_path / "adv", AttackRequest((detach(frames="0:1"),)))
+    assert "two has 2 LiDARs; /ego/lidar/points is used by default" in capsys.readouterr().err
+    attack(two_lidars, tmp_path / "roof", AttackRequest((detach(lidar=ROOF.name, frames="0:1"),)))
+    assert "LiDARs" not in capsys.readouterr().err
+
+
 def test_the_victims_lidar_is_found(two_lidars, tmp_path):
     attack(two_lidars, tmp_path / "adv", AttackRequest((detach(victim="ego"),)))
     assert {row["topic"] for row in rows(tmp_path / "adv")} == {"/ego/lidar/points"}
