@@ -22,7 +22,7 @@ def test_anything_else_is_refused(text: str) -> None:
 
 def test_no_frames() -> None:
     with pytest.raises(
-        AdvpipeError, match="frames 5:5:1 select none of the bag's 10 frames; choose from 0 to 9$"
+        AdvpipeError, match=r"frames 5:5:1 select none of the bag's 10 frames; choose from 0 to 9$"
     ):
         FrameSlice.parse("5:5").indices(10)
 
