@@ -33,6 +33,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 findings, or a failure on the way; 2 wrong use; 128 + n ended by signal n.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -55,8 +56,8 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "verify": verify_command,
     "schema": schema_command,
 }
-for word, command in COMMANDS.items():
-    app.command(word, cls=AttackCommand if word == "attack" else None)(answering(command))
+for name, command in COMMANDS.items():
+    app.command(name, cls=AttackCommand if name == "attack" else None)(answering(command))
 
 
 def _version(wanted: bool) -> None:

@@ -26,7 +26,7 @@ def attack_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    kind: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
+    type: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
     recipe: Annotated[
         str | None, cli_option(AttackOptions, "recipe", show_default="best")
     ] = AttackOptions.recipe,
@@ -69,7 +69,7 @@ def attack_command(
     given = {name: value for name, value in more_parameters.items() if value is not None}
     summary = run(
         bag,
-        type=kind,
+        type=type,
         recipe=recipe,
         attacker=attacker or (),
         victim=victim,
@@ -93,7 +93,7 @@ def attacked(summary: AttackSummary) -> Answer:
     """The bag, and what was done to it: of the losses their means."""
     before, after = summary.mean_losses
     document = {key: value for key, value in vars(summary).items() if key != "losses"}
-    document |= {"mean_loss_before": before, "mean_loss_after": after}
+    document |= {"mean_loss_before": before, "mean_loss_after": after, "warnings": summary.warnings}
     return Answer(document, print_line(summary))
 
 
@@ -104,8 +104,8 @@ def given_parameters(options: dict[str, Any], settings: list[str]) -> dict[str, 
 
     found = dict(options)
     for setting in settings:
-        word, equals, text = setting.partition("=")
-        name = word.strip().replace("-", "_")
+        given, equals, text = setting.partition("=")
+        name = given.strip().replace("-", "_")
         if not equals or not name:
             raise UsageError(f"--set {short_repr(setting)}: write name=value, such as rounds=20")
         if name in found:

@@ -87,15 +87,15 @@ class _Tally:
         if not self.count:
             return "no leftovers of killed runs"
         if remove:
-            said = f"{self.removed} of {self.count} removed, {_size(self.removed_bytes)}"
-            return f"{said}; {self.useful} kept, which --all would also remove" if self.useful else said
-        said = f"{self.count} in all, {_size(self.bytes)}"
+            text = f"{self.removed} of {self.count} removed, {_size(self.removed_bytes)}"
+            return f"{text}; {self.useful} kept, which --all would also remove" if self.useful else text
+        text = f"{self.count} in all, {_size(self.bytes)}"
         if self.useless:
-            said += f"; --remove deletes {self.useless} that nothing can use"
+            text += f"; --remove deletes {self.useless} that nothing can use"
         return (
-            f"{said}; --remove --all also deletes {self.useful} that can still be used"
+            f"{text}; --remove --all also deletes {self.useful} that can still be used"
             if self.useful
-            else said
+            else text
         )
 
 

@@ -10,7 +10,7 @@ import typer
 from advpipe.pipeline.cli.shared import Answer, Overwrite
 
 FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
-"""By the word on the command line."""
+"""The forms of VeReMi by their names on the command line."""
 
 
 def export(

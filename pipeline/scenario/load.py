@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.section import IsFile
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
@@ -168,13 +169,14 @@ def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
 
 def _setting(override: str) -> tuple[str, object]:
     """The key path and the value of an override `section.key=value`."""
+    where = f"{option_name('settings')} {short_repr(override)}"
     place, equals, text = override.partition("=")
     if not equals or not _is_place(place):
-        raise AdvpipeError(f"--set {short_repr(override)}: write section.key=value")
+        raise AdvpipeError(f"{where}: write section.key=value")
     try:
         return place, read_document(text).tree
     except DocumentError as error:
-        raise AdvpipeError(f"--set {short_repr(override)}: the value cannot be read: {error}") from None
+        raise AdvpipeError(f"{where}: the value cannot be read: {error}") from None
 
 
 def _is_place(place: str) -> bool:
@@ -190,7 +192,9 @@ def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
-            raise AdvpipeError(f"--set {short_repr(place)}: {shorten(key)} is a value, not a section")
+            raise AdvpipeError(
+                f"{option_name('settings')} {short_repr(place)}: {shorten(key)} is a value, not a section"
+            )
     if keys[:-1] == ["map"] and keys[-1] in MAP_SOURCES:
         for other in MAP_SOURCES:
             section.pop(other, None)
@@ -217,7 +221,7 @@ def _error_line(
         message = f"{message}, not {short_repr(first['input'])}"
     where = ".".join(map(shorten, place)) + ": " if place else ""
     if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
-        where = f"--set {where}"
+        where = f"{option_name('settings')} {where}"
     else:
         lines = document.lines()
         line = lines.get(place) or lines.get(tuple(part for part in place if not part.isdigit()))

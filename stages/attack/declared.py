@@ -1,4 +1,4 @@
-"""What attacks with their parameters declare, for the bag that they make."""
+"""What attacks declare, with their parameters, in the bag that they make."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ from advpipe.stages.attack.v2x.declared import declaration_of_messages
 
 
 def declaration_of(spec: AttackSpec) -> Declaration:
-    """The declaration of an attack. Raises AdvpipeError for a bad parameter, and for a class that declares
-    what is none."""
-    kind = find_attack(spec.type)
+    """The declaration of an attack. Raises AdvpipeError for a bad parameter, and for a class whose
+    declaration is invalid."""
+    attack_class = find_attack(spec.type)
     with plugin_errors(plugin_names([spec.type])):
-        if issubclass(kind, V2xAttack):
-            return declaration_of_messages(spec, kind)
-        if issubclass(kind, LidarAttack):
-            bounds = checked_bounds(spec.type, kind, build_lidar_attack(spec).bounds)
-            own = tuple(each for each in lidar_traits(kind).quantities if each.name in bounds)
-            return Declaration(family=kind.family, bounds=bounds, quantities=own)
-        assert issubclass(kind, GnssAttack)
-        bounds = checked_bounds(spec.type, kind, kind(**resolved_parameters(spec, kind)).bounds)
-        return Declaration(family=kind.family, bounds=bounds)
+        if issubclass(attack_class, V2xAttack):
+            return declaration_of_messages(spec, attack_class)
+        if issubclass(attack_class, LidarAttack):
+            bounds = checked_bounds(spec.type, attack_class, build_lidar_attack(spec).bounds)
+            own = tuple(each for each in lidar_traits(attack_class).quantities if each.name in bounds)
+            return Declaration(family=attack_class.family, bounds=bounds, quantities=own)
+        assert issubclass(attack_class, GnssAttack)
+        bounds = checked_bounds(
+            spec.type, attack_class, attack_class(**resolved_parameters(spec, attack_class)).bounds
+        )
+        return Declaration(family=attack_class.family, bounds=bounds)

@@ -1,4 +1,4 @@
-"""The attacks on messages: GPS first, then V2X, which tells others what the GPS said."""
+"""The attacks on messages: GPS first, then V2X, whose messages carry the GPS positions."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 def change_messages(
     reader: BagReader, gnss: Sequence[AttackSpec], v2x: Sequence[AttackSpec], seed: int
 ) -> list[Change]:
-    """What the attacks of both families make of a bag's messages; no topic belongs to two changes.
+    """The changes that the attacks of both families make to a bag's messages; no topic belongs to two.
 
-    Raises AdvpipeError for a bag without what they attack.
+    Raises AdvpipeError for a bag that lacks what they attack.
     """
     changes: list[Change] = []
     editors: tuple[MessageEditor, ...] = ()

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import count_frames, has_ground_truth
-from advpipe.pipeline.bag.ground_truth import BOX_TYPES
+from advpipe.pipeline.bag.frames import count_frames, refuse_without_ground_truth
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.stages.evaluate.detection.comparison import bag_name, touches_clouds
 from advpipe.stages.evaluate.options import Options
 
@@ -49,11 +49,7 @@ class Bags:
         on_clouds = {bag: about for bag, about in provenances.items() if touches_clouds(about)}
         has_clouds_to_score = bool(on_clouds) or not provenances
         if has_clouds_to_score:
-            if not has_ground_truth(clean, options.lidar_topic):
-                raise UsageError(
-                    f"{clean} has no ground truth (no topic of {' or '.join(BOX_TYPES)}); "
-                    "give the clean bag that holds it"
-                )
+            refuse_without_ground_truth(clean, options.lidar_topic)
             options.frames.indices(count_frames(clean, options.lidar_topic))  # refuses a bag without clouds
         window_of(reader, options.frames, options.lidar_topic)  # refuses a choice of no frame
         return cls(clean, provenances, on_clouds, has_clouds_to_score)
@@ -66,5 +62,5 @@ class Bags:
                 raise UsageError(
                     f"{bag} was made from another bag than {self.clean} (parent SHA-256 {parent[:12]}…, "
                     f"not {clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew "
-                    "since, attack again with --overwrite or remove that folder"
+                    f"since, attack again with {option_name('overwrite', True)} or remove that folder"
                 )

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES
+from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.partial import staged_folder
@@ -58,6 +59,8 @@ def evaluate(
     options = options or Options()
     bags = Bags.checked(clean, adversarial, options)
     asked = options.detectors if bags.has_clouds_to_score else ()
+    if asked:
+        notice_default_lidar(BagReader(clean), options.lidar_topic)
     models = {name: load_detector(name, options.device) for name in asked}
     with staged_folder(out, overwrite, REPORT) as folder:
         clean_sha256 = parent_sha256(clean)  # hashes the whole bag, so after all that is refused at once

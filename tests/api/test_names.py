@@ -26,7 +26,7 @@ ONLY_FOR_TERMINALS = {
     "sweep": {"check"},
 }
 """Options of the command line that are parameters of an attack, by their names, in Python; and a check."""
-RENAMED = {"attack": {"kind": "type"}, "evaluate": {"bags": "adversarial"}}
+RENAMED = {"evaluate": {"bags": "adversarial"}}
 """A few options have other names inside the command line, which users do not see."""
 SHOWN = {"evaluate": {"detector": "small"}}
 """Defaults that the command line does not state as such, but shows."""

@@ -73,13 +73,13 @@ def shipped() -> set[str]:
 
 def check_attack(given: dict) -> None:
     """The attack as the command makes it of its options, but for a user's own class."""
-    if ":" in given["kind"]:
+    if ":" in given["type"]:
         return
-    usual = default_budget(given["kind"])
+    usual = default_budget(given["type"])
     own = {one.name for one in COMMANDS.commands["attack"].params}  # type: ignore[attr-defined]
     options = {name: value for name, value in given.items() if name not in own and value is not None}
     tree = {
-        "type": given["kind"],
+        "type": given["type"],
         "recipe": given["recipe"],
         "parameters": {**usual, **given_parameters(options, given["settings"] or [])},
         "attackers": attackers_section(given["attacker"] or []),

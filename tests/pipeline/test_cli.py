@@ -17,7 +17,7 @@ import pytest
 
 from advpipe.pipeline.cli import COMMANDS, app
 
-HEAVY = ("torch", "open3d", "libsumo", "numpy", "rosbags", "matplotlib", "pydantic", "scipy")
+HEAVY = ("torch", "open3d", "libsumo", "numpy", "rosbags", "matplotlib", "pydantic", "rich", "scipy")
 
 
 def advpipe(*words: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -49,12 +49,13 @@ def run(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.M
     return run
 
 
-def test_help_loads_nothing_heavy() -> None:
+@pytest.mark.parametrize("words", [["--help"], ["attack", "--help"]])
+def test_help_loads_nothing_heavy(words: list[str]) -> None:
     code = (
         "import sys, contextlib, io\n"
         "from advpipe.pipeline.cli import app\n"
         "with contextlib.redirect_stdout(io.StringIO()) as text, contextlib.suppress(SystemExit):\n"
-        "    app(['--help'])\n"
+        f"    app({words})\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules], len(text.getvalue()))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -43,12 +43,12 @@ class SweepBudget:
     def parameters(self) -> dict[str, float | int]:
         """What the attack is given."""
         axis = AXES[self.attack]
-        return {axis.parameter: round(self.printed * axis.scale, 9), **dict(axis.others)}
+        return {axis.parameter: round(self.printed * axis.scale, 9), **dict(axis.shared_parameters)}
 
 
 TABLES: dict[str, tuple[SweepBudget, ...]] = {
     "paper": tuple(
-        SweepBudget(attack, figure.printed, figure.map_ratio_percent, figure.chamfer_distance_m2)
+        SweepBudget(attack, figure.table_value, figure.map_ratio_percent, figure.chamfer_distance_m2)
         for attack, axis in AXES.items()
         for figure in axis.published
     )
@@ -58,7 +58,7 @@ TABLES: dict[str, tuple[SweepBudget, ...]] = {
 TABLE_ONE = tuple(
     budget.name
     for budget in TABLES["paper"]
-    if budget.parameters[AXES[budget.attack].parameter] == AXES[budget.attack].usual
+    if budget.parameters[AXES[budget.attack].parameter] == AXES[budget.attack].default
 )
 """The budgets of Table I, in its order: what an attack gets where the user names none."""
 

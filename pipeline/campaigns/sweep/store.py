@@ -16,6 +16,7 @@ from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.leftover_names import is_leftover_name
+from advpipe.pipeline.core.option_names import option_name
 
 CELLS, TIMES = "cells", "times.json"
 
@@ -68,13 +69,13 @@ class Store:
         folder that is no sweep's, and for cells of other settings.
         """
         if self.folder.exists() and not self.folder.is_dir():
-            raise UsageError(f"{self.folder} is no folder; choose another --out")
+            raise UsageError(f"{self.folder} is no folder; choose another {option_name('out')}")
         names = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
         strangers = [name for name in names if not is_leftover_name(name)]
         if strangers and not (self.folder / CELLS).is_dir():
             raise UsageError(
                 f"{self.folder} holds {min(strangers)} but no {CELLS}/, so it is no sweep; "
-                "choose another --out"
+                f"choose another {option_name('out')}"
             )
         for cell in self.cells():
             if (difference := _difference(cell, settings, cell.recipe in recipes)) is None:
@@ -83,7 +84,8 @@ class Store:
                 key, theirs, ours = difference
                 raise UsageError(
                     f"{self.folder} holds {cell.name} of another sweep ({key} {theirs}, not {ours}); give "
-                    "another --out, or pass --overwrite to remove what does not fit"
+                    f"another {option_name('out')}, or pass {option_name('overwrite', True)} to remove what "
+                    "does not fit"
                 )
             self._path(cell.recipe, cell.budget).unlink()
             self.panels(cell.recipe).unlink(missing_ok=True)

@@ -1,4 +1,5 @@
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,8 +61,14 @@ def test_several_lidars_on_several_vehicles(
         ("car", 1, 2),
         ("truck", 1, 2),
     ]
+    assert [(one.topic, one.clouds, one.points_least, one.points_mean) for one in description.lidars] == [
+        ("/bus_3/front/points", 2, 3, 3.0),
+        ("/ego/lidar/points", 2, 1, 1.0),
+        ("/ego/roof/points", 2, 2, 2.0),
+    ]
     description.print()
-    assert "/bus_3/front/points" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert re.search(r"clouds of /bus_3/front/points +2 of 3 to 3 points, 3 on average", shown)
 
 
 def test_what_others_told_a_vehicle_is_no_truth(tmp_path: Path, record: Record) -> None:

@@ -213,7 +213,7 @@ def test_no_ros_recording(tmp_path: Path) -> None:
 def test_an_output_stays_unless_overwrite(drive: Path, tmp_path: Path) -> None:
     file = cut(drive, 0.5, tmp_path / "cut.mcap")
     recover(file)
-    with pytest.raises(OutputExistsError, match="--overwrite"):
+    with pytest.raises(OutputExistsError, match="overwrite=True"):
         recover(file)
     recover(file, overwrite=True)
     (tmp_path / "mine").mkdir()

@@ -122,7 +122,7 @@ def test_an_error_leaves_nothing(tmp_path: Path) -> None:
 def test_an_existing_bag_stays_unless_overwrite(tmp_path: Path, record: Record) -> None:
     bag = record(tmp_path / "bag", frames=1)
     before = hashes(bag)
-    with pytest.raises(OutputExistsError, match="--overwrite"):
+    with pytest.raises(OutputExistsError, match="overwrite=True"):
         record(bag)
     with pytest.raises(ZeroDivisionError):
         fail_after_a_message(bag, overwrite=True)

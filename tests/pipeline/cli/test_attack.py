@@ -47,7 +47,7 @@ def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> 
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     attack_command(bag, **options)  # type: ignore[arg-type]
     (spec,) = seen[0].attacks
     return spec
@@ -59,11 +59,11 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
     spec = requested(bag, monkeypatch, ratio=0.02, settings=["rounds=4"], recipe="paper", frames="::5")
     assert spec.parameters == {"ratio": 0.02, "rounds": 4}
     assert (spec.recipe, spec.frames) == ("paper", "::5")
-    spec = requested(bag, monkeypatch, kind="cam-dos", attacker=["10%"], victim="ego", from_s=2.0, to_s=5.0)
+    spec = requested(bag, monkeypatch, type="cam-dos", attacker=["10%"], victim="ego", from_s=2.0, to_s=5.0)
     assert spec.attackers is not None
     assert (spec.attackers.share, spec.victim, spec.schedule.to_s) == (0.1, "ego", 5.0)
     assert not spec.dcc_reacts
-    assert requested(bag, monkeypatch, kind="cam-dos", dcc_reacts=True).dcc_reacts
+    assert requested(bag, monkeypatch, type="cam-dos", dcc_reacts=True).dcc_reacts
     assert spec.parameters == {}
 
 
@@ -99,20 +99,20 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"settings": ["rounds=4", "rounds=5"]}, "--set 'rounds=5': rounds is already 4; give it once"),
         ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
-        ({"kind": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
+        ({"type": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
         ({"recipe": "worst"}, "recipe is 'worst'; known"),
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
-            {"kind": "cam-dos", "attacker": ["a", "5%"]},
-            "--attacker 5%: a share or a roadside unit must be the only attacker",
+            {"type": "cam-dos", "attacker": ["a", "5%"]},
+            "attacker=.5%.: a share or a roadside unit must be the only attacker",
         ),
         (
-            {"kind": "cam-dos", "attacker": ["0%"]},
+            {"type": "cam-dos", "attacker": ["0%"]},
             r"attackers\.share: Input should be greater",
         ),
-        ({"kind": "cam-dos", "attacker": ["x%"]}, "--attacker x%: write a vehicle's id, 20%, or rsu:X,Y"),
-        ({"kind": "cam-dos", "attacker": ["rsu:1"]}, r"attackers\.roadside_unit\.y_m: Field required"),
-        ({"kind": "cam-dos", "ratio": 0.1}, "cam-dos: unknown parameter 'ratio'; known: "),
+        ({"type": "cam-dos", "attacker": ["x%"]}, "attacker=.x%.: write a vehicle's id, 20%, or rsu:X,Y"),
+        ({"type": "cam-dos", "attacker": ["rsu:1"]}, r"attackers\.roadside_unit\.y_m: Field required"),
+        ({"type": "cam-dos", "ratio": 0.1}, "cam-dos: unknown parameter 'ratio'; known: "),
         ({"from_s": 5.0, "to_s": 4.0}, "to_s 4 is not after from_s 5"),
         ({"from_s": -1.0}, r"from_s: Input should be greater than or equal to 0, not -1\.0"),
         ({"frames": "1;2"}, "frames '1;2': expected start:stop:step"),
@@ -186,7 +186,7 @@ def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytes
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     said(str(bag), "--type", "perturb", "--eps-cm", "3", "--along-ray", "--goal=hide", "--set", "steps=2")
     said("--objects", "[a, b]", "--type", "perturb", str(bag))
     said(str(bag), "--type", "cam-position-constant", "--x-m=-1e1", "--y-m", "5", "--no-rebuild-path")

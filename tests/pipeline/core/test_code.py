@@ -28,6 +28,7 @@ NO_FIGURE = {
     "pipeline/core/errors.py",
     "pipeline/core/figure.py",
     "pipeline/core/hashing.py",
+    "pipeline/core/option_names.py",
     "pipeline/core/implementation.py",
     "pipeline/core/jobs.py",
     "pipeline/core/leftover_names.py",

@@ -44,7 +44,7 @@ class Lift(LidarAttack):
     """Lifts every point; how far is bounded."""
 
     traits = LidarTraits(
-        budget=Budget(title="Height in m", parameter="height_m", unit="m", usual=0.02),
+        budget=Budget(title="Height in m", parameter="height_m", unit="m", default=0.02),
         quantities=(HEIGHT_CHANGE, MEAN),
     )
 

@@ -131,7 +131,7 @@ def test_defaults_are_filled_in_in_the_constructors_order():
 @pytest.mark.parametrize(
     ("parameters", "line"),
     [
-        ({}, "my_own:Mine: size_m is missing; pass --set size_m=VALUE"),
+        ({}, "my_own:Mine: size_m is missing; pass size_m"),
         ({"size": 3}, "unknown parameter 'size'; known: size_m, mode, times, hard, ids"),
         ({"size_m": "wide"}, "size_m is 'wide': Input should be a valid number"),
         ({"size_m": True}, "size_m is True: Input should be a valid number"),
@@ -211,26 +211,26 @@ def test_an_option_that_an_attack_does_not_have_is_nobodys():
             "attach",
             "paper",
             {"eps_m": 1.0, "intensity": True},
-            "paper does not look at intensity; .*: best,",
+            "paper does not use intensity; .*: best,",
         ),
-        ("attach", "paper", {"eps_m": 1.0, "rounds": 3}, "recipe paper does not look at rounds"),
+        ("attach", "paper", {"eps_m": 1.0, "rounds": 3}, "recipe paper does not use rounds"),
         (
             "attach",
             "best",
             {"eps_m": 1.0, "weight": 2.0},
-            "best does not look at weight; .*does: paper",
+            "best does not use weight; .*does: paper",
         ),
-        ("perturb", "paper", {"eps_cm": 1.0, "intensity": True}, "recipe paper does not look at intensity"),
-        ("perturb", "random", {"eps_cm": 1.0, "steps": 9}, "recipe random does not look at steps"),
-        ("detach", "random-near", {"ratio": 0.1, "rounds": 9}, "recipe random-near does not look at rounds"),
+        ("perturb", "paper", {"eps_cm": 1.0, "intensity": True}, "recipe paper does not use intensity"),
+        ("perturb", "random", {"eps_cm": 1.0, "steps": 9}, "recipe random does not use steps"),
+        ("detach", "random-near", {"ratio": 0.1, "rounds": 9}, "recipe random-near does not use rounds"),
         (
             "perturb",
             "paper",
             {"eps_cm": 1.0, "goal": "hide"},
-            "paper does not look at goal; .*: best,",
+            "paper does not use goal; .*: best,",
         ),
-        ("detach", "paper", {"ratio": 0.1, "goal": "hide"}, "recipe paper does not look at goal"),
-        ("attach", "random", {"eps_m": 1.0, "goal": "hide"}, "recipe random does not look at goal"),
+        ("detach", "paper", {"ratio": 0.1, "goal": "hide"}, "recipe paper does not use goal"),
+        ("attach", "random", {"eps_m": 1.0, "goal": "hide"}, "recipe random does not use goal"),
     ],
 )
 def test_what_a_recipe_would_pass_over_is_refused(word, recipe, parameters, line):
@@ -265,7 +265,7 @@ def test_the_query_budget_of_attacks():
             "no_such_module:Mine",
             "cannot load attack no_such_module:Mine: ModuleNotFoundError: No",
         ),
-        ("my_own:number", "my_own:number is no class"),
+        ("my_own:number", "my_own:number is not a class"),
     ],
 )
 def test_unknown_attacks(word, line):
@@ -277,11 +277,11 @@ def test_unknown_attacks(word, line):
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("NotCallable", "NotCallable is no whole attack: it lacks __call__; see its base class"),
-        ("NotBegun", "NotBegun is no whole attack: it lacks begin; see its base class"),
-        ("NoTraits", "NoTraits declares no traits of its own, only its parent's; give it some"),
-        ("OtherTraits", "OtherTraits: traits are GnssTraits, no LidarTraits"),
-        ("NoFamily", "NoFamily is no attack of any family; let it inherit from LidarAttack, V2xAttack or"),
+        ("NotCallable", "NotCallable is incomplete: it lacks __call__; see its base class"),
+        ("NotBegun", "NotBegun is incomplete: it lacks begin; see its base class"),
+        ("NoTraits", "NoTraits inherits the traits of its parent; define its own"),
+        ("OtherTraits", "OtherTraits: traits are GnssTraits, not LidarTraits"),
+        ("NoFamily", "NoFamily is not an attack; let it inherit from LidarAttack, V2xAttack or"),
     ],
 )
 def test_what_does_not_declare_itself_is_refused(name, line):

@@ -65,8 +65,8 @@ def test_a_class_that_does_not_declare_itself_is_not_registered():
     class Slower(SuddenStop):
         pass
 
-    abstract = "Falsification is no whole attack: it lacks falsify, traits"
-    for kind, line in ((Falsification, abstract), (Slower, "no traits")):
+    abstract = "Falsification is incomplete: it lacks falsify, traits"
+    for kind, line in ((Falsification, abstract), (Slower, "inherits the traits of its parent")):
         registry = FamilyRegistry("v2x", lambda add, kind=kind: add("cam-mine", kind))
         with pytest.raises(AdvpipeError, match=line):
             len(registry)

@@ -288,7 +288,7 @@ def test_existing_output(clean_bag, tmp_path):
     [
         ({"type": "detatch"}, "unknown attack 'detatch'; known: .*detach"),
         ({"recipe": "worst"}, "recipe is 'worst'; known: best, .*paper, random"),
-        ({"parameters": {}}, "ratio is missing; pass --set ratio=VALUE"),
+        ({"parameters": {}}, "ratio is missing; pass ratio"),
         ({"parameters": {"ratio": 2.0}}, "ratio is 2.0"),
         ({"parameters": {"ratio": 0.1, "eps": 0.1}}, "unknown parameter 'eps'; known: ratio, rounds"),
         ({"detector": "large"}, "unknown detector 'large'"),

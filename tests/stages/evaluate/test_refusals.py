@@ -86,7 +86,7 @@ def test_adversarial_bag_of_another_parent_is_refused(clean, attacked, tmp_path)
 
 def test_adversarial_bag_of_a_drive_that_was_recorded_anew_is_refused(clean, attacked, tmp_path):
     old = attacked(hide_first_car, frames=range(2), parent_sha256="0" * 64)
-    refused(tmp_path, "attack again with --overwrite or remove that folder", clean, [old])
+    refused(tmp_path, "attack again with overwrite=True or remove that folder", clean, [old])
 
 
 def test_adversarial_bag_in_place_of_the_clean_one_is_refused(attacked, tmp_path):

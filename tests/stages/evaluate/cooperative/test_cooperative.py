@@ -205,7 +205,7 @@ def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) ->
     clean = write(tmp_path / "clean")
     attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
     (section,) = cooperative_sections(clean, [attacked], 0, "there is none", frames=FrameSlice(0, 1))
-    expected = "No poses are false at the frames 0:1:1: nothing was fused. Choose later or more frames."
+    expected = "No pose is false in the frames 0:1:1, so nothing was fused. Choose later or more frames."
     assert section.lead == expected
     assert not section.records
     with pytest.raises(AdvpipeError, match="select none of the bag's 3 frames"):
