@@ -20,7 +20,7 @@ from advpipe.pipeline.cli.schema import schema_command
 from advpipe.pipeline.cli.share import share_command
 from advpipe.pipeline.cli.shared import Answer, answering
 from advpipe.pipeline.cli.simulate import simulate_command
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.cli.train import import_weights, train_command
 from advpipe.pipeline.cli.unpack import unpack_command
 from advpipe.pipeline.cli.verify import verify_command
@@ -40,7 +40,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "simulate": simulate_command,
     "attack": attack_command,
     "evaluate": evaluate_command,
-    "sweep": sweep,
+    "sweep": sweep_command,
     "export": export,
     "run": run,
     "train": train_command,

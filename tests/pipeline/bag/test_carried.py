@@ -77,7 +77,9 @@ def test_a_drive_without_lidars_has_no_clouds_of_theirs(record: Record) -> None:
 def test_without_sensors_in_the_scenario_every_cloud_may_be_one(record: Record, scenario: object) -> None:
     reader = record(scenario)
     assert lidar_topics(reader) == [FRONT.name, ROOF.name]
-    with pytest.raises(UsageError, match="has several LiDAR topics and none is /ego/lidar/points; name one"):
+    with pytest.raises(
+        UsageError, match="has several LiDAR topics and none is /ego/lidar/points; name one by lidar"
+    ):
         find_lidar_topic(reader)
 
 

@@ -217,7 +217,7 @@ def test_which_lidar(tmp_path: Path) -> None:
             bag.write_cdr(topic, cloud_to_cdr(np.zeros(points, POINT_DTYPE), 0, name), 0)
     with pytest.raises(
         AdvpipeError,
-        match="several LiDAR topics and none is /ego/lidar/points; name one: /a/lidar/points, /b",
+        match="several LiDAR topics and none is /ego/lidar/points; name one by lidar: /a/lidar/points, /b",
     ):
         read_frames(tmp_path / "two")
     with pytest.raises(AdvpipeError, match="no clouds on /c"):

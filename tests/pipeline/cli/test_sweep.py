@@ -21,7 +21,7 @@ from advpipe.pipeline.campaigns.sweep import settings
 from advpipe.pipeline.campaigns.sweep.run import commands_of
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST
@@ -34,7 +34,7 @@ TABLE_ONE = ["perturb-10", "detach-1", "attach-0.5"]
 
 def run(clean: Path, out: Path, cells: list[str], **options: object) -> None:
     known = {"detector": DETECTOR, "frames": "::2", "baseline_tries": 1, "workers": 1} | options
-    sweep(clean, cells=cells, out=out, **known)  # type: ignore[arg-type]
+    sweep_command(clean, cells=cells, out=out, **known)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

@@ -78,10 +78,10 @@ def test_messages_of_both_bags_are_those_of_the_same_time(
     clean = read_drive(smoke, "clean", window=window)
     sent = {one.number: one.request_ns for step in V2xDrive(BagReader(smoke)).steps() for one in step.sent}
     for each in (clean, drive):
-        assert each.heard["ego"].near
-        assert all(window.holds(sent[number]) for number in each.heard["ego"].near)
-    assert clean.heard["ego"].near == drive.heard["ego"].near
-    assert clean.heard["ego"].delivered(drive.honest("ego")) > 0.5
+        assert each.received["ego"].near
+        assert all(window.holds(sent[number]) for number in each.received["ego"].near)
+    assert clean.received["ego"].near == drive.received["ego"].near
+    assert clean.received["ego"].delivered(drive.honest("ego")) > 0.5
 
 
 def test_channel_metrics_are_of_whole_drives_only(smoke: Path, offset: Path) -> None:
