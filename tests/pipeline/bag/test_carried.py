@@ -95,7 +95,7 @@ def test_without_sensors_in_the_scenario_every_cloud_may_be_one(record: Record, 
         ({"sensors": {"lidars": {"a": {"vehicle": "../x"}}}}, "holds no scenario: sensors.lidars: a.vehicle"),
     ],
 )
-def test_what_is_no_scenario_is_told_in_a_line(record: Record, scenario: object, message: str) -> None:
+def test_what_is_no_scenario_is_reported_in_a_line(record: Record, scenario: object, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         find_lidar_topic(record(scenario))
     assert "\n" not in str(caught.value)

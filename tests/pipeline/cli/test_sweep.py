@@ -96,7 +96,7 @@ def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
     assert page.count(NOT_RUN) == 16 + 2 * 2  # of Table II and, two columns each, of Table I
     assert "<td>1.5 %, best</td><td>88.75</td><td>0.13397</td><td>0.00</td>" in page
     assert 'src="data:image/png;base64,' in page
-    assert not any(word in page for word in ('src="http', 'href="', str(swept)))
+    assert not any(text in page for text in ('src="http', 'href="', str(swept)))
 
 
 def test_the_page_begins_with_what_is_known_of_the_map(swept: Path) -> None:

@@ -1,4 +1,4 @@
-"""Random baselines spend the attack's budget exactly; of several n_draws each object keeps the best one."""
+"""Random baselines spend the attack's budget exactly; of several draws each object keeps the best one."""
 
 import numpy as np
 import pytest
@@ -127,7 +127,7 @@ def test_points_without_coordinates_are_no_points_to_take():
 
 
 def test_each_object_keeps_its_best_try():
-    """The worth of an object is the number of its points left: the best try is the minimum over the n_draws."""
+    """The worth of an object is the number of its points left: the best draw has the minimum of each."""
     region = regions(xyz(cloud()), BOXES)
     counts = []
 
@@ -140,7 +140,7 @@ def test_each_object_keeps_its_best_try():
     tried, together = np.array(counts[:6]), counts[6]
     assert together == tried.min(axis=0).tolist()
     assert len(best) == 250
-    # The n_draws share out the budget alike: only which points of a region go is drawn anew.
+    # The draws share out the budget alike: only which points of a region go is drawn anew.
     assert len(set(map(tuple, tried))) == 1
     assert tried[0].tolist() == [(region == k).sum() - _removed_in(best, region, k) for k in (0, 1)]
 

@@ -41,10 +41,10 @@ def test_the_map_during_an_attack_is_of_its_time(clean: EvaluatedDrive) -> None:
         missing=0 * false_entries,
         displaced=0 * false_entries,
     )
-    lies = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
-    drive = replace(clean, errors={"ego": error}, labels=lies)
+    false_labels = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
+    drive = replace(clean, errors={"ego": error}, labels=false_labels)
     assert [moment.time_ns for moment in drive.maps_around_attack("ego")] == [times_ns[1], times_ns[2]]
-    at_once = replace(drive, labels=lies[:1])
+    at_once = replace(drive, labels=false_labels[:1])
     assert [moment.time_ns for moment in at_once.maps_around_attack("ego")] == [times_ns[1], times_ns[-1]]
 
 
