@@ -18,7 +18,8 @@ import advpipe
 print("begin")
 drive = advpipe.simulate(advpipe.load_scenario("smoke", {"simulation.duration_s": 1}), out="drive")
 half = advpipe.attack(drive, type="detach", recipe="random", ratio=0.5, out="half", workers=2)
-falsified = advpipe.attack("drive", type="cam-speed-constant", attacker="50%", speed_mps=30.0, out="falsified")
+changes = {"attacker": "50%", "speed_mps": 30.0, "out": "falsified"}
+falsified = advpipe.attack("drive", type="cam-speed-constant", **changes)
 moved = advpipe.attack(drive, type="gnss-bias", parameters={"bound_m": 5.0}, out="moved")
 report = advpipe.evaluate(drive, falsified, out="report")
 checked = advpipe.verify("half")
