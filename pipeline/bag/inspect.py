@@ -85,6 +85,7 @@ class BagDescription:
     checksums: ChecksumCoverage
 
     def to_json(self) -> str:
+        """All values as one JSON document."""
         return json.dumps(asdict(self), indent=2)
 
     def print(self) -> None:
