@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.ground_truth import BOX_TYPES, LATENCY_NS, GroundTruth
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import Cloud
@@ -60,7 +61,8 @@ def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
     default = VehicleTopics().lidar_points.name
     if len(candidates) > 1 and default not in candidates:
         raise UsageError(
-            f"{reader.path} has several LiDAR topics and none is {default}; name one: {', '.join(candidates)}"
+            f"{reader.path} has several LiDAR topics and none is {default}; "
+            f"name one by {option_name('lidar')}: {', '.join(candidates)}"
         )
     return default if default in candidates else candidates[0]
 

@@ -85,6 +85,7 @@ class BagDescription:
     checksums: ChecksumCoverage
 
     def to_json(self) -> str:
+        """All values as one JSON document."""
         return json.dumps(asdict(self), indent=2)
 
     def print(self) -> None:
@@ -128,7 +129,7 @@ def _date(stamp_ns: int) -> str:
 
 
 @dataclass
-class _Tally:
+class _TopicTally:
     """What is counted in one pass over the bag.
 
     lidars: the topics with LiDAR clouds. truth: the topics whose boxes are of road users.
@@ -169,7 +170,7 @@ def describe(path: Path) -> BagDescription:
     reader = BagReader(resolve_bag(path))
     files = mcap_files(reader.path)
     checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
-    tally = _Tally(frozenset(lidar_topics(reader)), _truth(reader))
+    tally = _TopicTally(frozenset(lidar_topics(reader)), _truth(reader))
     for raw in reader.raw_messages():
         tally.add(reader, raw)
     together = tally.lidar("")
@@ -210,8 +211,8 @@ def _truth(reader: BagReader) -> frozenset[str]:
 
 def _qos_text(profiles: tuple[Qos, ...]) -> str:
     """Such as `reliable 10`, or `reliable latched 1` for transient local durability."""
-    words = []
+    texts = []
     for qos in profiles:
         latched = " latched" if qos.durability is QosDurability.TRANSIENT_LOCAL else ""
-        words.append(f"{qos.reliability.name.lower()}{latched} {qos.depth}")
-    return ", ".join(dict.fromkeys(words))
+        texts.append(f"{qos.reliability.name.lower()}{latched} {qos.depth}")
+    return ", ".join(dict.fromkeys(texts))

@@ -108,10 +108,12 @@ class Provenance(Mapping[str, str]):
 
     @property
     def is_attack(self) -> bool:
+        """Whether the record is that of an adversarial bag."""
         return self.fields.kind == "attack"
 
     @property
     def parameters(self) -> dict[str, Any]:
+        """The attack's parameters by name; empty where the record has none."""
         found = self.fields.parameters
         return found if isinstance(found, dict) else {}
 

@@ -22,7 +22,7 @@ from advpipe.pipeline.cli.schema import schema_command
 from advpipe.pipeline.cli.share import share_command
 from advpipe.pipeline.cli.shared import Answer, answering
 from advpipe.pipeline.cli.simulate import simulate_command
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.cli.train import import_weights, train_command
 from advpipe.pipeline.cli.unpack import unpack_command
 from advpipe.pipeline.cli.verify import verify_command
@@ -45,7 +45,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "attack": attack_command,
     "evaluate": evaluate_command,
     "attacks": attacks_command,
-    "sweep": sweep,
+    "sweep": sweep_command,
     "export": export,
     "run": run,
     "train": train_command,

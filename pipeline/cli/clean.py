@@ -44,7 +44,7 @@ def clean(
 
     if everything and not remove:
         raise UsageError("--all needs --remove; without both, everything is listed")
-    tally, is_refused = _Tally(), False
+    tally, is_refused = _LeftoverTally(), False
     records: list[dict[str, Any]] = []
     for leftover in _found(path):
         use, is_removed = None if leftover.is_running else leftover.use, False
@@ -64,7 +64,7 @@ def clean(
 
 
 @dataclass
-class _Tally:
+class _LeftoverTally:
     """How many there are, and their bytes: all, those removed, and those that nothing can use."""
 
     count: int = 0

@@ -21,7 +21,7 @@ from advpipe.pipeline.cli.shared import (
 )
 
 
-def sweep(
+def sweep_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,

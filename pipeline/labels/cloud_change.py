@@ -24,6 +24,7 @@ class CloudChange:
     labels: PointLabels
 
     def count(self, action: str) -> int:
+        """The number of points with this action."""
         return int((self.labels.action == action).sum())
 
     @cached_property

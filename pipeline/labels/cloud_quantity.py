@@ -64,4 +64,5 @@ class CloudQuantity(Document):
 
     @property
     def quantity(self) -> Quantity[CloudChange]:
+        """The quantity as `verify` and the attack job measure it."""
         return Quantity(self.name, self.unit, self.meaning, self.measured)

@@ -37,7 +37,7 @@ def _position_offset_m(change: MessageChange) -> float | None:
 
 def _speed_offset_mps(change: MessageChange) -> float | None:
     before_mps, after_mps = (
-        None if said is None else said["speed_mps"] for said in (change.before, change.after)
+        None if claims is None else claims["speed_mps"] for claims in (change.before, change.after)
     )
     if before_mps is None or after_mps is None:
         return None

@@ -21,6 +21,7 @@ def checked_number(attack: str, parameter: str, value: Any, low: float, high: fl
 
 
 def is_within(value: float, low: float, high: float) -> bool:
+    """Whether a value is finite and in [low, high]."""
     return math.isfinite(value) and low <= value <= high
 
 

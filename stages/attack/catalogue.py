@@ -43,7 +43,7 @@ class BoundText:
 class CatalogueEntry:
     """One attack.
 
-    budget: the parameter that says how much it may do, and budget_title what that is, with the unit of
+    budget: the parameter that bounds the change, and budget_title what that is, with the unit of
     tables; both "" where no single one does. recipe: how a LiDAR attack may search; "" of others. parameters:
     with the defaults of the command line. bounds, untrue: what it declares with these defaults: limits, and
     what its messages claim falsely; nothing where a parameter has to be given first.
@@ -86,33 +86,33 @@ def catalogue() -> tuple[CatalogueEntry, ...]:
     return tuple(sorted(map(catalogue_entry, ATTACKS), key=lambda entry: order.index(entry.family)))
 
 
-def catalogue_entry(word: str) -> CatalogueEntry:
+def catalogue_entry(attack: str) -> CatalogueEntry:
     """An attack by its own name, by that of a paper, or by `module:Class`; raises AdvpipeError for none."""
-    name = resolved_name(attack_spec({"type": word})).type
-    kind, usual = find_attack(name), default_budget(name)
-    budget = lidar_traits(kind).budget if issubclass(kind, LidarAttack) else None
+    name = resolved_name(attack_spec({"type": attack})).type
+    attack_class, usual = find_attack(name), default_budget(name)
+    budget = lidar_traits(attack_class).budget if issubclass(attack_class, LidarAttack) else None
     parameters = tuple(
         Parameter(one.name, one.types, usual.get(one.name, one.default), one.help)
-        for one in documented_parameters(kind)
+        for one in documented_parameters(attack_class)
     )
     can_be_built = all(one.default is not REQUIRED for one in parameters)
     spec = attack_spec({"type": name, "parameters": usual})
-    declared = declaration_of(spec) if can_be_built else Declaration(family=kind.family)
-    traits: Traits = vars(kind)["traits"]
+    declared = declaration_of(spec) if can_be_built else Declaration(family=attack_class.family)
+    traits: Traits = vars(attack_class)["traits"]
     return CatalogueEntry(
         name=name,
-        family=kind.family,
-        summary=summary(kind),
+        family=attack_class.family,
+        summary=summary(attack_class),
         also_known_as=traits.also_known_as,
         budget=budget.parameter if budget else "",
         budget_title=budget.title if budget else "",
-        recipe=recipe_text(kind),
+        recipe=recipe_text(attack_class),
         parameters=parameters,
-        bounds=tuple(_bound_text(kind, each, *limits) for each, limits in declared.bounds.items()),
+        bounds=tuple(_bound_text(attack_class, each, *limits) for each, limits in declared.bounds.items()),
         untrue=declared.untrue,
     )
 
 
-def _bound_text(kind: type[Attack], name: str, least: float, most: float) -> BoundText:
-    quantity = kind.quantities[name]
+def _bound_text(attack_class: type[Attack], name: str, least: float, most: float) -> BoundText:
+    quantity = attack_class.quantities[name]
     return BoundText(name, quantity.meaning, quantity.unit, least, most)

@@ -23,7 +23,7 @@ def output_name(request: AttackRequest, reader: BagReader) -> str:
 
 
 def attack_id(request: AttackRequest) -> str:
-    """The default name of the adversarial bag: type, recipe, and the parameters that are not at their
+    """The default name of the adversarial bag: attack, recipe, and the parameters that are not at their
     defaults, such as `detach-best-0.01` or `detach-best-0.01-rounds20`; of several attacks, joined by +."""
     return _file_name("+".join(_one_id(spec) for spec in request.attacks))
 
@@ -46,13 +46,13 @@ def _one_id(spec: AttackSpec) -> str:
     attack_class = find_attack(spec.type)
     known = known_parameters(attack_class)
     first = next(iter(known), None)
-    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, attack_class)) else [])]
+    parts = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, attack_class)) else [])]
     for name, value in resolved_parameters(spec, attack_class).items():
         if name == first and issubclass(attack_class, LidarAttack):
-            words.append(_short(value))
+            parts.append(_short(value))
         elif value != known[name]:
-            words.append(name if value is True else f"{name}{_short(value)}")
-    return "-".join(words)
+            parts.append(name if value is True else f"{name}{_short(value)}")
+    return "-".join(parts)
 
 
 def _short(value: object) -> str:

@@ -58,7 +58,7 @@ class _Origin(Document):
     altitude_m: Number
 
 
-class _Map(Document):
+class _CardMap(Document):
     """The map's origin, and its sources as plain values."""
 
     model_config = ConfigDict(extra="allow")
@@ -88,7 +88,7 @@ class RecordedScenario(Document):
     """The part of a resolved scenario, of any release, that a card shows."""
 
     description: Text = ""
-    map: _Map = _Map()
+    map: _CardMap = _CardMap()
     sensors: _Sensors = _Sensors()
 
 

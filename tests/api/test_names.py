@@ -65,7 +65,7 @@ def test_type_checkers_see_the_names_that_are_loaded() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(advpipe._MODULE_OF))
-def test_every_name_is_there_and_told_of(name: str) -> None:
+def test_every_name_is_there_and_documented(name: str) -> None:
     found = getattr(advpipe, name)
     assert found is getattr(advpipe, name)
     if inspect.isclass(found) or inspect.isfunction(found):

@@ -40,7 +40,7 @@ class Block:
     def commands(self) -> list[list[str]]:
         """The words of each command of a block of bash, comments left out, continued lines joined."""
         lines = self.text.replace("\\\n", " ").splitlines()
-        return [words for line in lines if (words := shlex.split(line, comments=True))]
+        return [arguments for line in lines if (arguments := shlex.split(line, comments=True))]
 
 
 def blocks(path: Path) -> list[Block]:

@@ -25,14 +25,14 @@ def carry_out(page: str) -> None:
         elif block.language == "python":
             exec(compile(block.text, blocks.where(block), "exec"), {"__name__": "__main__"})
         elif block.language == "bash" and page in blocks.RUN:
-            for words in block.commands:
-                command(words)
+            for arguments in block.commands:
+                command(arguments)
 
 
-def command(words: list[str]) -> None:
+def command(arguments: list[str]) -> None:
     """A command of advpipe or a Python file, or any other program as a process."""
-    print("$", *words, flush=True)
-    program, *rest = words
+    print("$", *arguments, flush=True)
+    program, *rest = arguments
     if program == "advpipe":
         try:
             app(rest + COARSE.split() * (rest[:2] == ["simulate", "smoke"]))

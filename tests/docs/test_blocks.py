@@ -45,21 +45,21 @@ def test_every_block_says_what_it_is() -> None:
 @pytest.mark.parametrize("block", blocks.of("bash"), ids=blocks.where)
 def test_commands_exist(block: blocks.Block) -> None:
     """With their options; scenarios, attacks and parameters are read as the command reads them."""
-    for words in block.commands:
-        program, *rest = words
+    for arguments in block.commands:
+        program, *rest = arguments
         if program.removeprefix(".venv/bin/") == "advpipe":
             parse(rest)
         elif program == "make":
             rules = (blocks.ROOT / "Makefile").read_text(encoding="utf-8")
-            targets = [word for word in rest if "=" not in word]
-            assert all(re.search(rf"^{target}:", rules, re.MULTILINE) for target in targets), words
+            targets = [argument for argument in rest if "=" not in argument]
+            assert all(re.search(rf"^{target}:", rules, re.MULTILINE) for target in targets), arguments
         else:
-            assert program.removeprefix(".venv/bin/") in OTHER_PROGRAMS, words
+            assert program.removeprefix(".venv/bin/") in OTHER_PROGRAMS, arguments
 
 
-def parse(words: list[str]) -> None:
+def parse(arguments: list[str]) -> None:
     """Raises what the command line would raise for these words."""
-    name, *rest = words
+    name, *rest = arguments
     given = COMMANDS.commands[name].make_context(name, rest).params  # type: ignore[attr-defined]
     if name == "attack":
         check_attack(given)

@@ -16,7 +16,9 @@ from advpipe.stages.attack.lidar.base import lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 
 AXES: Mapping[str, Axis] = {
-    name: budget for name, kind in LIDAR_ATTACKS.items() if (budget := lidar_traits(kind).budget).published
+    name: budget
+    for name, attack_class in LIDAR_ATTACKS.items()
+    if (budget := lidar_traits(attack_class).budget).published
 }
 """By attack, what a budget of the paper's tables bounds; in the order of its Table II."""
 

@@ -88,6 +88,7 @@ class Cell:
         return {key: value for key, value in self._record().items() if key != "commit"}
 
     def to_json(self) -> str:
+        """The cell as a JSON document with sorted keys."""
         return json.dumps(self._record(), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
     def _record(self) -> dict[str, Any]:

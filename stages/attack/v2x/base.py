@@ -185,6 +185,7 @@ class V2xAttack(Attack):
 
     @property
     def name(self) -> str:
+        """The attack's name in the request."""
         return self.context.name
 
     @classmethod

@@ -93,6 +93,7 @@ class Comparison:
 
     @property
     def name(self) -> str:
+        """The name of the adversarial bag; `clean` without one."""
         return bag_name(self.bag) if self.bag else "clean"
 
     @property

@@ -154,7 +154,7 @@ class DetectionRun:
         truth, result_of = clean.truth, partial(_cloud_result, detector, clean.truth, clean_cloud)
         change = cloud_difference(clean_cloud, version.cloud)
         baselines = {}
-        if tries := self._baseline_tries(provenance):
+        if n_draws := self._baseline_tries(provenance):
             clouds = random_baselines(
                 clean_cloud,
                 truth.boxes.geometry[truth.is_evaluated],
@@ -162,7 +162,7 @@ class DetectionRun:
                 lambda cloud: worth(truth, match(truth, detector.detect(cloud), detector.classes))[
                     truth.is_evaluated
                 ],
-                tries=tries,
+                n_draws=n_draws,
                 seed=self.options.seed,
                 index=clean.index,
             )

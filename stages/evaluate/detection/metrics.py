@@ -133,6 +133,7 @@ def precisions(evaluated: ConditionMatches) -> Precisions:
 
 
 def ratio(part: float, whole: float) -> float:
+    """The quotient; NaN where the whole is 0."""
     return part / whole if whole else float("nan")
 
 
@@ -142,6 +143,7 @@ def ratio_draws(evaluated: ConditionMatches, whole: ConditionMatches) -> Float64
 
 
 def above_0(values: Float64) -> Float64:
+    """The values (N,), with NaN for those that are not above 0."""
     return np.where(values > 0, values, np.nan)
 
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.mcap.reader import McapFile
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 
 class FilesBeside(FolderCheck):
@@ -28,7 +28,7 @@ class FilesBeside(FolderCheck):
             except OSError as error:
                 yield Fault(bag.place, os_error_line(error))
 
-    def _check_bag(self, bag: Bag) -> Iterator[Result]:
+    def _check_bag(self, bag: BagUnderTest) -> Iterator[Result]:
         if bag.path.is_file() or not bag.provenance:
             return
         records = [McapFile(file).metadata for file in bag.files]

@@ -217,7 +217,7 @@ def test_which_lidar(tmp_path: Path) -> None:
             bag.write_cdr(topic, cloud_to_cdr(np.zeros(points, POINT_DTYPE), 0, name), 0)
     with pytest.raises(
         AdvpipeError,
-        match="several LiDAR topics and none is /ego/lidar/points; name one: /a/lidar/points, /b",
+        match="several LiDAR topics and none is /ego/lidar/points; name one by lidar: /a/lidar/points, /b",
     ):
         read_frames(tmp_path / "two")
     with pytest.raises(AdvpipeError, match="no clouds on /c"):
@@ -226,7 +226,7 @@ def test_which_lidar(tmp_path: Path) -> None:
     assert len(frame.cloud) == 2
 
 
-def test_a_malformed_cloud_is_told_with_its_place(tmp_path: Path) -> None:
+def test_a_malformed_cloud_is_reported_with_its_place(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
         bag.write_cdr(EGO.lidar_points, b"\0\1\0\0", 7)
     with pytest.raises(AdvpipeError, match="bag: /ego/lidar/points at 7 ns: malformed PointCloud2"):

@@ -84,7 +84,7 @@ def test_metadata_yaml_is_version_8_on_single_lines(tmp_path: Path, record: Reco
     assert digests["/ego/ground_truth/objects"].startswith("RIHS01_793f5eab")
 
 
-def test_mcap_alone_tells_qos_and_type_hash(tmp_path: Path, record: Record) -> None:
+def test_mcap_alone_states_qos_and_type_hash(tmp_path: Path, record: Record) -> None:
     bag = record(tmp_path / "bag")
     assert BagReader(only_mcap(bag)).topics == BagReader(bag).topics
     with only_mcap(bag).open("rb") as stream:

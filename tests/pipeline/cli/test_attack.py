@@ -135,10 +135,10 @@ def said(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
 
-    def said(*words: str) -> str:
+    def said(*arguments: str) -> str:
         capfd.readouterr()
         with pytest.raises(SystemExit):
-            app(["attack", *words], prog_name="advpipe")
+            app(["attack", *arguments], prog_name="advpipe")
         done = capfd.readouterr()
         return done.out + done.err
 
@@ -161,7 +161,7 @@ def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("arguments", "line"),
     [
         (["--ratoi", "0.1"], r"No such option: --ratoi; detach has --ratio, --rounds, .*--ratio"),
         (["--type", "detach", "--eps-cm", "3"], "--eps-cm; detach has --ratio, "),
@@ -176,8 +176,8 @@ def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.Mon
         (["--type"], "--type"),
     ],
 )
-def test_mistakes_in_parameters_given_as_options(said: Said, words: list[str], line: str) -> None:
-    text = said(*words)
+def test_mistakes_in_parameters_given_as_options(said: Said, arguments: list[str], line: str) -> None:
+    text = said(*arguments)
     assert re.fullmatch(rf"advpipe: .*{line}.*\n", text)
 
 

@@ -128,9 +128,9 @@ def test_any_change_of_path_or_text_changes_the_hash(package, change):
 
 
 def test_the_commit_is_marked_if_code_differs(package):
-    def git(*words):
+    def git(*arguments):
         person = ("-c", "user.name=A", "-c", "user.email=a@example.org")
-        subprocess.run(["git", "-C", str(package), *person, *words], check=True, capture_output=True)
+        subprocess.run(["git", "-C", str(package), *person, *arguments], check=True, capture_output=True)
 
     def now():
         source_commit.cache_clear()

@@ -29,26 +29,26 @@ def defend(text: str, points: np.ndarray, seed: int = 0):
     return defence(points, np.random.default_rng(seed))
 
 
-@pytest.mark.parametrize("word", DEFENCES)
-def test_every_defence_keeps_its_input_unchanged_and_depends_on_its_generator(word):
+@pytest.mark.parametrize("defence", DEFENCES)
+def test_every_defence_keeps_its_input_unchanged_and_depends_on_its_generator(defence):
     points = cloud()
-    once, twice = defend(word, points), defend(word, points)
+    once, twice = defend(defence, points), defend(defence, points)
     assert (points == cloud()).all()
     assert (once.cloud == twice.cloud).all()
     assert once.cloud.dtype == POINT_DTYPE
     assert len(once.cloud) != len(points) or (xyz(once.cloud) != xyz(points)).any()
 
 
-@pytest.mark.parametrize("word", ["sample", "jitter", "shift"])
-def test_another_seed_gives_another_cloud(word):
-    one, other = defend(word, cloud()).cloud, defend(word, cloud(), seed=1).cloud
+@pytest.mark.parametrize("defence", ["sample", "jitter", "shift"])
+def test_another_seed_gives_another_cloud(defence):
+    one, other = defend(defence, cloud()).cloud, defend(defence, cloud(), seed=1).cloud
     assert one.tobytes() != other.tobytes()
 
 
-@pytest.mark.parametrize("word", ["shift", "shift:2", "flip", "scale", "scale:0.8"])
-def test_boxes_are_mapped_back_to_the_original_cloud(word):
+@pytest.mark.parametrize("defence", ["shift", "shift:2", "flip", "scale", "scale:0.8"])
+def test_boxes_are_mapped_back_to_the_original_cloud(defence):
     """A box around the moved points, brought back, holds the points that it held there."""
-    defended = defend(word, cloud())
+    defended = defend(defence, cloud())
     there = points_in_boxes(xyz(defended.cloud), BOXES)
     back = defended.placement.boxes_back(BOXES)
     assert all(len(each) > 5 for each in there)
@@ -163,8 +163,8 @@ def test_a_defence_of_the_users_own(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.path", [str(tmp_path), *sys.path])
     points = cloud()
     rng = np.random.default_rng(0)
-    for word, name, count in (("", ":count=5", 5), (":count=7", ":count=7", 7), (":3", ":count=3", 3)):
-        (found,) = parse_defences([f"own_defence:Keep{word}"]).items()
+    for defence, name, count in (("", ":count=5", 5), (":count=7", ":count=7", 7), (":3", ":count=3", 3)):
+        (found,) = parse_defences([f"own_defence:Keep{defence}"]).items()
         assert found[0] == f"own_defence:Keep{name}"
         assert len(found[1](points, rng).cloud) == count
     with pytest.raises(AdvpipeError, match=r"own_defence:Keep failed: ValueError: count is too small"):

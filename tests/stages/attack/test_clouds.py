@@ -66,11 +66,13 @@ def test_clouds_outside_the_schedule_stay_as_they_are(clean_bag, tmp_path):
 def test_chance_does_not_hang_on_the_chosen_frames(clean_bag, tmp_path):
     spec = detach(schedule=Schedule(kind="random", probability=0.5))
     attack(clean_bag, tmp_path / "all", AttackRequest((spec,), 3))
-    struck = [row["frame"] for row in rows(tmp_path / "all") if row["attack"]]
-    assert 0 < len(struck) < 6
+    attacked_frames = [row["frame"] for row in rows(tmp_path / "all") if row["attack"]]
+    assert 0 < len(attacked_frames) < 6
     some = spec.model_copy(update={"frames": "1:"})
     attack(clean_bag, tmp_path / "some", AttackRequest((some,), 3))
-    assert [row["frame"] for row in rows(tmp_path / "some") if row["attack"]] == [k for k in struck if k]
+    assert [row["frame"] for row in rows(tmp_path / "some") if row["attack"]] == [
+        k for k in attacked_frames if k
+    ]
 
 
 def test_one_after_the_other(clean_bag, tmp_path):

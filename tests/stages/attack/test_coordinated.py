@@ -57,22 +57,22 @@ def files_of(folder):
 def test_three_families_strike_in_the_same_second(drive, tmp_path):
     lidar = detach(schedule=SPAN, frames="::5")
     summary = attack(drive, tmp_path / "adv", AttackRequest((lidar, SPEED, GPS), 7))  # in any order
-    clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
-    changed = {topic for topic in clean if clean[topic] != struck[topic]}
+    clean, adversarial = by_topic(drive), by_topic(tmp_path / "adv")
+    changed = {topic for topic in clean if clean[topic] != adversarial[topic]}
     untouched = {"/clock", "/tf_static", "/scenario/info", "/ego/ground_truth/odometry", "/ego/imu"}
     assert not changed & (untouched | {"/ego/ground_truth/objects", "/v2x/stations", "/ego/wheel/odometry"})
     assert {LIDAR, FIX, CAMS, "/tf", "/ego/odometry"} <= changed
     assert summary.replaced >= {FIX, CAMS}
     # Of the clouds, every fifth is there, and those of the span are attacked; nothing else is left out.
-    assert len(struck[LIDAR]) == 6
-    assert [len(clean[topic]) for topic in untouched] == [len(struck[topic]) for topic in untouched]
+    assert len(adversarial[LIDAR]) == 6
+    assert [len(clean[topic]) for topic in untouched] == [len(adversarial[topic]) for topic in untouched]
     frames = pq.read_table(str(tmp_path / "adv" / "frames.parquet")).to_pylist()
     assert [row["frame"] for row in frames] == [0, 5, 10, 15, 20, 25]
     assert [row["attack"] for row in frames] == ["", "", "detach", "detach", "", ""]
     # The GPS leaps for a second, by 50 to 150 m.
     start_ns = clean[FIX][0].log_time_ns
     reader = BagReader(drive)
-    for before, after in zip(clean[FIX], struck[FIX], strict=True):
+    for before, after in zip(clean[FIX], adversarial[FIX], strict=True):
         is_on = 1 <= (before.log_time_ns - start_ns) / 1e9 < 2
         fixes = [reader.decode(raw) for raw in (before, after)]
         north_m = (fixes[1].latitude - fixes[0].latitude) * 111_200
@@ -88,7 +88,7 @@ def test_three_families_strike_in_the_same_second(drive, tmp_path):
     assert len(list(read_frames(tmp_path / "adv"))) == 6  # the truth still fits the clouds
 
 
-def test_the_shipped_coordinated_attack_strikes_one_victim_at_one_time(drive, tmp_path):
+def test_the_shipped_coordinated_attack_attacks_one_victim_at_one_time(drive, tmp_path):
     """The scenario's own attacks, in the second second of a short drive: jam, false GPS, hidden points."""
     scenario = load_scenario("coordinated", [])
     shipped = scenario.attacks["coordinated"]
@@ -142,10 +142,10 @@ def _radios_at(reader, time_ns):
 
 def test_messages_alone_need_no_clouds_and_keep_all(drive, tmp_path):
     attack(drive, tmp_path / "adv", AttackRequest((SPEED,), 7))
-    clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
-    assert clean[LIDAR] == struck[LIDAR]
-    assert clean[FIX] == struck[FIX]
-    assert clean[CAMS] != struck[CAMS]
+    clean, adversarial = by_topic(drive), by_topic(tmp_path / "adv")
+    assert clean[LIDAR] == adversarial[LIDAR]
+    assert clean[FIX] == adversarial[FIX]
+    assert clean[CAMS] != adversarial[CAMS]
     assert not (tmp_path / "adv" / "labels.parquet").exists()
     assert yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())["frames"] == "0::1"
 

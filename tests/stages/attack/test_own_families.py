@@ -155,10 +155,10 @@ def _their_module(tmp_path, monkeypatch):
     sys.modules.pop("own_attacks", None)
 
 
-def by_command(data_set: Path, name: str, *words: str) -> Path:
+def by_command(data_set: Path, name: str, *arguments: str) -> Path:
     """The bag that the command makes, its provenance compared, and verified."""
     bag = data_set / name.lower()
-    command = ["attack", str(data_set), "--type", f"own_attacks:{name}", "--out", str(bag), *words]
+    command = ["attack", str(data_set), "--type", f"own_attacks:{name}", "--out", str(bag), *arguments]
     done = CliRunner().invoke(app, command)
     assert done.exit_code == 0, done.output
     (record,) = BagReader(bag).provenance.fields.attacks

@@ -90,9 +90,9 @@ def lifted(clean_bag: Path, tmp_path: Path) -> Path:
     """The adversarial bag, made by the command, beside a copy of the clean bag."""
     data_set = tmp_path / "data"
     shutil.copytree(clean_bag, data_set / "clean")
-    words = ["--type", "own_lift:Lift", "--detector", "linear_detector:Shipped", "--frames", "0:2"]
+    arguments = ["--type", "own_lift:Lift", "--detector", "linear_detector:Shipped", "--frames", "0:2"]
     done = CliRunner().invoke(
-        app, ["attack", str(data_set / "clean"), *words, "--out", str(data_set / "lift")]
+        app, ["attack", str(data_set / "clean"), *arguments, "--out", str(data_set / "lift")]
     )
     assert done.exit_code == 0, done.output
     sys.modules.pop("own_lift", None)

@@ -27,7 +27,7 @@ def test_attack_on_other_weights_is_called_a_transfer(clean):
     ]
 
 
-def test_other_clouds_than_the_attacked_ones_are_told(clean):
+def test_other_clouds_than_the_attacked_ones_are_reported(clean):
     def warnings(about):
         return comparison_warnings(Comparison(None, Provenance(about), ()), clean, None)
 
@@ -37,13 +37,13 @@ def test_other_clouds_than_the_attacked_ones_are_told(clean):
     ]
 
 
-@pytest.mark.parametrize(("most", "told"), [(1.0, []), (255.0, ["go up to 255."]), (float("nan"), [])])
-def test_intensities_of_another_scale_are_told(tmp_path, most, told):
+@pytest.mark.parametrize(("most", "stated"), [(1.0, []), (255.0, ["go up to 255."]), (float("nan"), [])])
+def test_intensities_of_another_scale_are_reported(tmp_path, most, stated):
     cloud = clean_cloud(0)
     cloud["intensity"][3] = most
     bag = write_bag(tmp_path / "bright", {}, {0: cloud})
     lines = comparison_warnings(Comparison(None, Provenance({}), ()), bag, TOPIC)
-    assert [told[0] in line for line in lines] == [True] * len(told)
+    assert [stated[0] in line for line in lines] == [True] * len(stated)
 
 
 def test_two_detectors_in_one_file_are_two():

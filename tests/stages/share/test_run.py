@@ -48,8 +48,8 @@ def test_baglint_accepts_the_bag_and_rejects_changed_ones(shared: Path, bag: str
     (mcap,) = (shared / bag).glob("*.mcap")
 
     def lint(spec: str) -> subprocess.CompletedProcess[str]:
-        words = [BIN / "baglint", "--strict", mcap, "--spec", shared / "checks" / spec]
-        return subprocess.run(words, capture_output=True, text=True, check=False)
+        arguments = [BIN / "baglint", "--strict", mcap, "--spec", shared / "checks" / spec]
+        return subprocess.run(arguments, capture_output=True, text=True, check=False)
 
     result = lint(f"{bag}.baglint.yaml")
     assert result.returncode == 0, result.stdout + result.stderr
@@ -68,8 +68,8 @@ def test_tracecheck_accepts_the_bag_and_rejects_changed_ones(shared: Path, tmp_p
 
     def check(contract: str) -> dict[str, object]:
         out = tmp_path / contract
-        words = [BIN / "tracecheck", "check", shared / bag, "--contract", shared / "checks" / contract]
-        subprocess.run([*words, "--out", out, "--quiet"], capture_output=True, check=False)
+        arguments = [BIN / "tracecheck", "check", shared / bag, "--contract", shared / "checks" / contract]
+        subprocess.run([*arguments, "--out", out, "--quiet"], capture_output=True, check=False)
         report: dict[str, object] = json.loads((out / "report.json").read_text(encoding="utf-8"))
         return report
 

@@ -31,7 +31,7 @@ def test_right_ones_pass(clean):
     refuse_invalid("mine:Mine", clean, LidarResult(clean, labels((), ())))
 
 
-def test_changes_that_no_label_tells(clean):
+def test_changes_that_no_label_states(clean):
     moved, turned = clean.copy(), clean[::-1].copy()
     moved["z"][4] += 0.1
     moved["z"][5] = clean["z"][5] = np.nan  # is what it was
