@@ -166,7 +166,7 @@ class _Tally:
 
 def describe(path: Path) -> BagDescription:
     """Reads the whole bag once for its messages and once for its checksums."""
-    reader = BagReader(resolve_bag(path))
+    reader = BagReader(resolve_bag(path), debug=True)
     files = mcap_files(reader.path)
     checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
     tally = _Tally(frozenset(lidar_topics(reader)), _truth(reader))
