@@ -80,7 +80,7 @@ class GroundTruth:
         boxes = Boxes(boxes.geometry, boxes.labels, boxes.ids, velocity_mps)
         if frame_id == lidar_frame:
             return boxes
-        return boxes.transformed(self._lidar_SE3(frame_id, stamp_ns, lidar_frame))
+        return boxes.transformed(self.lidar_SE3(frame_id, stamp_ns, lidar_frame))
 
     def _without_boxes(self, stamp_ns: int) -> str:
         """What is wrong where no boxes have a cloud's stamp: they are stamped otherwise, or missing."""
@@ -126,7 +126,7 @@ class GroundTruth:
             for old in [stamp for stamp in by_stamp if stamp < stamp_ns - LATENCY_NS]:
                 del by_stamp[old]
 
-    def _lidar_SE3(self, frame_id: str, stamp_ns: int, lidar_frame: str) -> Float64:
+    def lidar_SE3(self, frame_id: str, stamp_ns: int, lidar_frame: str) -> Float64:
         """`lidar_SE3_frame`, through the tree of transforms at that instant."""
         parents = {**self._moving.get(stamp_ns, {}), **self._static}
         lidar_root, root_SE3_lidar = _to_root(parents, lidar_frame)

@@ -10,8 +10,10 @@ import typer
 
 from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.cli.attack_parameters import AttackCommand
+from advpipe.pipeline.cli.attacks import attacks_command
 from advpipe.pipeline.cli.bags import inspect, plot, recover_command
 from advpipe.pipeline.cli.clean import clean
+from advpipe.pipeline.cli.demo import demo
 from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
@@ -24,6 +26,7 @@ from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.cli.train import import_weights, train_command
 from advpipe.pipeline.cli.unpack import unpack_command
 from advpipe.pipeline.cli.verify import verify_command
+from advpipe.pipeline.cli.view import view_command
 
 app = typer.Typer(
     cls=OneLineErrors,
@@ -37,9 +40,11 @@ app = typer.Typer(
 )
 
 COMMANDS: dict[str, Callable[..., Answer]] = {
+    "demo": demo,
     "simulate": simulate_command,
     "attack": attack_command,
     "evaluate": evaluate_command,
+    "attacks": attacks_command,
     "sweep": sweep,
     "export": export,
     "run": run,
@@ -49,6 +54,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "unpack": unpack_command,
     "inspect": inspect,
     "plot": plot,
+    "view": view_command,
     "recover": recover_command,
     "clean": clean,
     "verify": verify_command,

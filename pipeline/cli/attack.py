@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from advpipe.pipeline.cli.completion import attack_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
@@ -26,7 +27,9 @@ def attack_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    type: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
+    type: Annotated[
+        str, cli_option(AttackOptions, "type", "--type", autocompletion=attack_names)
+    ] = AttackOptions.type,
     recipe: Annotated[
         str | None, cli_option(AttackOptions, "recipe", show_default="best")
     ] = AttackOptions.recipe,

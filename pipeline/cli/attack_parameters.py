@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand
 
 from advpipe.pipeline.cli.attack import attack_command, read_value
-from advpipe.pipeline.cli.shared import Answer, answering
+from advpipe.pipeline.cli.shared import Answer, answering, flag_of
 from advpipe.pipeline.core.attack_options import AttackOptions
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
     parameters = [
         _as_argument(one, usual.get(one.name, one.default), panel)
         for one in documented_parameters(attack_class)
-        if _flag(one.name) not in taken
+        if flag_of(one.name) not in taken
     ]
     general = inspect.signature(attack_command).parameters.values()
     signature = [*(one for one in general if one.kind is not one.VAR_KEYWORD), *parameters]
@@ -93,23 +93,22 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
     command.__signature__ = inspect.Signature(signature)  # type: ignore[attr-defined]
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.command(cls=_WithParameters)(answering(command))
-    return typer.main.get_command(app), [_flag(one.name) for one in parameters]
-
-
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
+    return typer.main.get_command(app), [flag_of(one.name) for one in parameters]
 
 
 def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
     """The argument of which typer makes the parameter's option; None stands for not given."""
     from advpipe.pipeline.core.short_repr import short_repr
+    from advpipe.stages.attack.parameters import is_share
 
-    flag, types = _flag(one.name), set(one.types)
+    flag, types = flag_of(one.name), set(one.types)
     usual = "" if default in (inspect.Parameter.empty, None, (), "") else f" [default: {default}]"
     shown: dict[str, Any] = {"help": one.help + usual, "rich_help_panel": panel}
     plain_type = next((each for each in (str, float, int) if each in types), None)
     if types == {bool}:
         option: Any = Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
+    elif plain_type is float and is_share(one.name):
+        option = Annotated[Any, typer.Option(flag, parser=_read_share, metavar="SHARE", **shown)]
     elif plain_type is not None and not isinstance(default, tuple):
         option = Annotated[plain_type | None, typer.Option(flag, **shown)]
     else:
@@ -119,3 +118,14 @@ def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
 
         option = Annotated[Any, typer.Option(flag, parser=read, metavar="YAML", **shown)]
     return inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+
+
+def _read_share(text: str) -> float:
+    """0.01 of `0.01` and of `1%`; the parser of options calls it with each word."""
+    from advpipe.pipeline.core.section import parse_share
+    from advpipe.pipeline.core.short_repr import short_repr
+
+    try:
+        return float(parse_share(text))
+    except ValueError:
+        raise typer.BadParameter(f"{short_repr(text)} is not a share; write 0.01 or 1%") from None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from advpipe.pipeline.cli.attack import attacked
+from advpipe.pipeline.cli.completion import scenario_names
 from advpipe.pipeline.cli.evaluate import evaluated
 from advpipe.pipeline.cli.shared import (
     Answer,
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")],
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
     ] = None,

@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.cli.completion import detector_names
 from advpipe.pipeline.core.options import parser_options
 from advpipe.stages.evaluate.options import Options
 
@@ -23,6 +24,15 @@ def cli_option(model: type, name: str, *flags: str, **shown: Any) -> Any:
     return typer.Option(*flags, **parser_options(model, name), **shown)  # type: ignore[misc]
 
 
+def flag_of(name: str) -> str:
+    """The option of the command line that sets a parameter of this name.
+
+    >>> flag_of("eps_cm")
+    '--eps-cm'
+    """
+    return "--" + name.replace("_", "-")
+
+
 LidarTopic = Annotated[str | None, cli_option(Options, "lidar_topic", "--lidar")]
 Workers = Annotated[int | None, cli_option(SweepOptions, "workers", "--workers", show_default="one a core")]
 BaselineTries = Annotated[
@@ -32,7 +42,9 @@ BaselineTries = Annotated[
     ),
 ]
 Device = Annotated[str, cli_option(Options, "device", "--device")]
-DetectorName = Annotated[str, cli_option(SweepOptions, "detector", "--detector")]
+DetectorName = Annotated[
+    str, cli_option(SweepOptions, "detector", "--detector", autocompletion=detector_names)
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Also print versions, what is loaded, seeds and times.")

@@ -12,6 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import import_object
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.plugins import plugin_errors
 from advpipe.pipeline.defences.base import Defence, DefendedCloud
 from advpipe.pipeline.defences.placing import Flip, Scale, Shift
@@ -56,7 +57,8 @@ def _parse(text: str) -> tuple[str, Defence]:
         if not equals:
             parameter, value = next(iter(known), ""), part
         if parameter not in known or parameter in given:
-            why = "given twice" if parameter in given else f"unknown; known: {', '.join(known) or 'none'}"
+            choice = known_names(parameter, known) if known else "known: none"
+            why = "given twice" if parameter in given else f"unknown; {choice}"
             raise UsageError(f"defence {name}: parameter {parameter or value!r} is {why}")
         try:
             given[parameter] = float(value)
@@ -76,7 +78,7 @@ def _name_and_parameters(text: str) -> tuple[str, str]:
     attribute, _, parameters = rest.partition(":")
     if attribute.isidentifier():
         return f"{name}:{attribute}", parameters
-    raise UsageError(f"unknown defence {name!r}; known: {', '.join(DEFENCES)}, or your own module:Class")
+    raise UsageError(f"unknown defence {name!r}; {known_names(name, DEFENCES)} (or your own module:Class)")
 
 
 def _own_class(name: str) -> Callable[..., Defence]:

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 
 
@@ -47,5 +48,5 @@ def checked_range(
 def checked_choice(attack: str, parameter: str, value: Any, known: Collection[str]) -> str:
     """The value, one of the known ones. Raises AdvpipeError for any other."""
     if value not in known:
-        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; known: {', '.join(known)}")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; {known_names(value, known)}")
     return str(value)

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Generic, TypeVar, cast
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.stages.attack.base import Attack, refuse_undeclared
 from advpipe.stages.attack.plugin import plugin_attack
@@ -54,7 +55,7 @@ class FamilyRegistry(Mapping[str, type[A]], Generic[A]):
             return self._classes[name]
         if ":" not in name:
             raise UsageError(
-                f"unknown attack {name!r}; known: {', '.join(self)}, or module:Class of your own"
+                f"unknown attack {name!r}; {known_names(name, self)} (or module:Class of your own)"
             )
         attack_class = plugin_attack(name)
         if attack_class.family != self.family:

@@ -46,6 +46,11 @@ def summary(attack_class: type[Attack]) -> str:
     return " ".join(_docstring(attack_class).partition("\n\n")[0].split())
 
 
+def recipe_text(kind: type[Attack]) -> str:
+    """What the classes say of the recipe; "" for an attack that has none."""
+    return next((text for owner in kind.__mro__ if (text := _texts(owner, ["recipe"]).get("recipe"))), "")
+
+
 def _texts(owner: type, names: Collection[str]) -> dict[str, str]:
     """The texts of these names in a docstring: from `name: ` to the next name or the paragraph's end."""
     texts = {}

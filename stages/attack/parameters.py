@@ -9,8 +9,9 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.option_names import option_name
-from advpipe.pipeline.core.section import leaves, written_number
+from advpipe.pipeline.core.section import leaves, parse_share, written_number
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.stages.attack.base import Attack
@@ -29,6 +30,9 @@ MAX_BY_UNIT: dict[str, float] = {
 }
 """The largest magnitude of a parameter, by the unit that its name ends in."""
 
+SHARES = ("ratio", "share", "probability")
+"""The last words of the names of parameters that are shares of a whole: 1% may be written for 0.01."""
+
 MAX_WITHOUT_UNIT = 1e6
 """Of counts, shares, factors and weights: a million rounds for each cloud would take days."""
 
@@ -36,6 +40,11 @@ MAX_WITHOUT_UNIT = 1e6
 def known_parameters(attack_class: type[Attack]) -> dict[str, Any]:
     """The parameters of an attack but for its recipe, in their order, with their defaults or `REQUIRED`."""
     return {name: one.default for name, one in _keywords(attack_class).items() if name != "recipe"}
+
+
+def is_share(name: str) -> bool:
+    """Whether a parameter of this name is a share of a whole, and may be given in percent."""
+    return name.rpartition("_")[2] in SHARES
 
 
 def parameter_types(attack_class: type[Attack]) -> dict[str, tuple[Any, ...]]:
@@ -52,7 +61,7 @@ def resolved_parameters(spec: AttackSpec, attack_class: type[Attack]) -> dict[st
     known = known_parameters(attack_class)
     for name in spec.parameters:
         if name not in known:
-            choice = f"known: {', '.join(known)}" if known else "it has none"
+            choice = known_names(name, known) if known else "it has none"
             raise UsageError(f"{spec.type}: unknown parameter {short_repr(name)}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
@@ -114,6 +123,7 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
         raise UsageError(f"{attack}: {name} is empty; give it a value, or leave it out")
     item_types = set(leaves(types[name])) if name in types else set()
     if str not in item_types:
+        value = parse_share(value) if is_share(name) else value
         value = written_number(value, int if item_types == {int} else float)
     if name not in types:
         return value

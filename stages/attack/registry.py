@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
 from advpipe.stages.attack.base import Attack, Traits
 from advpipe.stages.attack.gnss.base import GnssAttack
@@ -46,7 +47,10 @@ def find_attack(name: str) -> type[Attack]:
         return plugin_attack(name)
     if name in ATTACKS:
         return ATTACKS[name]
-    raise UsageError(f"unknown attack {name!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
+    raise UsageError(
+        f"unknown attack {name!r}; {known_names(name, ATTACKS)} "
+        "(or module:Class of your own; `advpipe attacks` lists all)"
+    )
 
 
 def resolved_name(spec: AttackSpec) -> AttackSpec:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.attack.lidar.base import Budget as Axis
 from advpipe.stages.attack.lidar.base import lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
@@ -69,11 +70,11 @@ def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[SweepBudget, 
     Raises AdvpipeError for an unknown table or name, with the known ones.
     """
     if table not in TABLES:
-        raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
+        raise UsageError(f"unknown table {table!r}; {known_names(table, TABLES)}")
     known = {budget.name: budget for budget in TABLES[table]}
     for name in names:
         if name not in known:
-            raise UsageError(f"unknown cell {name!r}; known: {', '.join(known)}")
+            raise UsageError(f"unknown cell {name!r}; {known_names(name, known)}")
     return tuple(budget for name, budget in known.items() if not names or name in names)
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.labels.quantities import POINTS_TOUCHED
 from advpipe.stages.attack.lidar.ghost_object import GhostObject
@@ -67,7 +68,7 @@ class Constraints:
         if limit is not None and not (limit >= 1 and float(limit).is_integer()):
             raise UsageError(f"max_points is {limit}, but must be a whole number from 1 up")
         if self.goal not in GOALS:
-            raise UsageError(f"goal is {self.goal!r}; known: {', '.join(GOALS)}")
+            raise UsageError(f"goal is {self.goal!r}; {known_names(self.goal, GOALS)}")
         if self.ghost and (self.objects or self.goal == "hide"):
             raise UsageError("hiding objects and creating a ghost object are two attacks; give one of them")
 

@@ -15,6 +15,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
         ["attack", "{drive}", "--recipe", "random", "--frames", "0:2", "-o", "{out}/a\x1b"],
         "points_clean",
     ),
+    "attacks": (["attacks"], "attacks"),
     "evaluate": (["evaluate", "{drive}/clean", "--frames", "0:2", "-o", "{out}/e\x1b"], "rows"),
     "export": (["export", "{drive}", "-o", "{out}/x\x1b"], "sent"),
     "run": (["run", "smoke", "-o", "{out}/r\x1b", *SHORT], "evaluation"),
@@ -44,8 +45,10 @@ RESULTS: dict[str, tuple[list[str], str]] = {
     ),
 }
 REFUSED = {
+    "demo": ["demo", "--no-browser", "-o", "{drive}"],
     "import-weights": ["import-weights", "{drive}/none.pth", "-o", "{out}/i.safetensors"],
     "share": ["share", "{drive}", "-o", "{out}/\x1b"],
+    "view": ["view", "{drive}/nowhere\x1b"],
     "attack": ["attack", "{drive}", "--type", "explode\x1b\u202e"],
     "inspect": ["inspect", "{drive}/nowhere\x1b"],
     "option": ["inspect", "{drive}", "--lid\x1bar"],
@@ -76,7 +79,11 @@ SLOW = ("attack", "evaluate", "run", "train", "sweep")
 def test_results(run: Run, command: str) -> None:
     """For people, spelt out; then for programs, one strict document and nothing else."""
     words, key = RESULTS[command]
-    again = ["--overwrite"] if command not in ("unpack", "inspect", "recover", "verify", "clean") else []
+    again = (
+        ["--overwrite"]
+        if command not in ("attacks", "unpack", "inspect", "recover", "verify", "clean")
+        else []
+    )
     done = run(*words)
     good = GOOD.get(command, (0,))
     assert done.code in good, done.errors

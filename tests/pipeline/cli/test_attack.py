@@ -97,9 +97,9 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"recipe": "x" * 100_000}, "^.{,300}$"),
         ({"ratio": 0.1, "settings": ["ratio=0.5"]}, "--set 'ratio=0.5': ratio is already 0.1; give it once"),
         ({"settings": ["rounds=4", "rounds=5"]}, "--set 'rounds=5': rounds is already 4; give it once"),
-        ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
+        ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; did you mean 'rounds'"),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
-        ({"type": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
+        ({"type": "detatch"}, "unknown attack 'detatch'; did you mean 'detach'"),
         ({"recipe": "worst"}, "recipe is 'worst'; known"),
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
@@ -168,7 +168,9 @@ def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.Mon
         (["--type", "gnss-jam", "--ratio", "3"], "--ratio; gnss-jam has no parameters"),
         (["--type", "nope", "--help"], "unknown attack 'nope'; known: perturb"),
         (["--type", "nope", "--ratio", "1"], "unknown attack 'nope'; known: perturb"),
-        (["--ratio", "x"], "Invalid value for '?--ratio"),
+        (["--ratio", "x"], "Invalid value for '?--ratio.* 'x' is not a share; write 0.01 or 1%"),
+        (["--ratio", "x%"], "Invalid value for '?--ratio"),
+        (["--type", "perturb", "--eps-cm", "1%"], "Invalid value for '?--eps-cm"),
         (["--objects", "[a"], r"--objects '\[a': the value cannot be read"),
         (["--ratio", "0.1", "--set", "ratio=0.2"], "ratio is already 0.1; give it once"),
         (["--type"], "--type"),
@@ -189,9 +191,11 @@ def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytes
     monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     said(str(bag), "--type", "perturb", "--eps-cm", "3", "--along-ray", "--goal=hide", "--set", "steps=2")
     said("--objects", "[a, b]", "--type", "perturb", str(bag))
+    said("--ratio", "0.3%", str(bag))
     said(str(bag), "--type", "cam-position-constant", "--x-m=-1e1", "--y-m", "5", "--no-rebuild-path")
     assert [spec.parameters for request in seen for spec in request.attacks] == [
         {"eps_cm": 3.0, "along_ray": True, "goal": "hide", "steps": 2},
         {"eps_cm": 10.0, "objects": ("a", "b")},
+        {"ratio": 0.003},
         {"x_m": -10.0, "y_m": 5.0, "rebuild_path": False},
     ]

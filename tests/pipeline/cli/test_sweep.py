@@ -210,7 +210,7 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
         ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
         ({"recipes": "worst"}, "recipe is 'worst'; known"),
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
-        ({"recipes": "random-near+twice"}, "recipe random-near does not look at rounds"),
+        ({"recipes": "random-near+twice"}, "recipe random-near does not use rounds"),
         ({"detector": "large"}, "large"),
         ({"frames": "90:"}, "select none of the bag's 12 frames"),
         ({"frames": "::3"}, r"holds best-detach-1 of another sweep \(frames 0::2, not 0::3\)"),

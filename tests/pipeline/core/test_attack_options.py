@@ -13,8 +13,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 def test_the_command_line_has_the_same_defaults() -> None:
     parameters = inspect.signature(attack_command).parameters
     for each in fields(AttackOptions):
-        name = "kind" if each.name == "type" else each.name
-        assert parameters[name].default == each.default, name
+        assert parameters[each.name].default == each.default, each.name
 
 
 def test_the_scenario_file_has_the_same_defaults_and_help() -> None:

@@ -117,7 +117,7 @@ def test_names_are_resolved_with_all_parameters():
     [
         (
             ["jiter"],
-            "unknown defence 'jiter'; known: sample, outliers, quantise, jitter, shift, flip, scale, or your",
+            r"unknown defence 'jiter'; did you mean 'jitter'\? known: sample, .* \(or your",
         ),
         (["jiter:0.1"], "unknown defence 'jiter'"),
         (["json:nothing"], "defence json:nothing cannot be loaded: AttributeError"),
