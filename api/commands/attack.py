@@ -34,6 +34,7 @@ def attack(
     device: str = "cpu",
     seed: int = AttackOptions.seed,
     workers: int | None = None,
+    debug: bool = AttackOptions.debug,
     out: PathLike | None = None,
     overwrite: bool = False,
     parameters: Mapping[str, Any] | None = None,
@@ -51,7 +52,8 @@ def attack(
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
     detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
     `cuda` or `cuda:N`. seed: of the attack's own draws. workers: processes, by default one a core; their
-    number changes no byte. out: the bag's folder, by default in the clean one's data set, or beside it
+    number changes no byte. debug: whether the bag gets topics under `/advpipe/debug`, which show viewers what
+    was attacked. out: the bag's folder, by default in the clean one's data set, or beside it
     as `BAG-...`. overwrite: replaces one that exists.
 
     The attack's parameters are given by name, such as `ratio` (the share of points to remove) of `detach`,
@@ -90,7 +92,7 @@ def attack(
                 "detector": detector,
             }
         )
-        request = AttackRequest((spec,), seed, device)
+        request = AttackRequest((spec,), seed, device, debug)
         request.check()
     name = output_name(request, BagReader(clean))
     target = default_output(clean, name) if out is None else Path(out)

@@ -167,7 +167,7 @@ class _TopicTally:
 
 def describe(path: Path) -> BagDescription:
     """Reads the whole bag once for its messages and once for its checksums."""
-    reader = BagReader(resolve_bag(path))
+    reader = BagReader(resolve_bag(path), debug=True)
     files = mcap_files(reader.path)
     checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
     tally = _TopicTally(frozenset(lidar_topics(reader)), _truth(reader))

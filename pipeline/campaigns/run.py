@@ -10,6 +10,7 @@ from typing import Any
 from advpipe.pipeline.bag.locate import adversarial_bags
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.document import ShortText, read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
@@ -61,10 +62,22 @@ class Campaign:
     overwrite: bool = False
 
     @classmethod
-    def of(cls, scenario: Scenario, folder: Path, detector: str, device: str, **options: Any) -> Campaign:
-        """Raises AdvpipeError for attacks that cannot be carried out, before the simulation."""
+    def of(
+        cls,
+        scenario: Scenario,
+        folder: Path,
+        detector: str,
+        device: str,
+        *,
+        debug: bool = AttackOptions.debug,
+        **options: Any,
+    ) -> Campaign:
+        """debug: whether adversarial bags have debug topics.
+
+        Raises AdvpipeError for attacks that cannot be carried out, before the simulation.
+        """
         requests = {
-            name: AttackRequest(attacks, scenario.simulation.seed, device)
+            name: AttackRequest(attacks, scenario.simulation.seed, device, debug)
             for name, attacks in scenario.attacks.items()
         }
         for name, request in requests.items():

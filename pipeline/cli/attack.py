@@ -56,6 +56,7 @@ def attack_command(
     device: Annotated[str, cli_option(AttackOptions, "device")] = AttackOptions.device,
     seed: Annotated[int, cli_option(AttackOptions, "seed")] = AttackOptions.seed,
     workers: Workers = None,
+    debug: Annotated[bool, cli_option(AttackOptions, "debug", "--debug/--no-debug")] = AttackOptions.debug,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
     ] = None,
@@ -85,6 +86,7 @@ def attack_command(
         device=device,
         seed=seed,
         workers=workers,
+        debug=debug,
         out=out,
         overwrite=overwrite,
         parameters=given_parameters(given, settings or []),

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.stages.attack.debug import DebugMessages
 
 
 class Change(Protocol):
@@ -29,11 +30,13 @@ class Change(Protocol):
         """The number of changes by their names in the summary; call it after `write_labels`."""
 
 
-def changed_messages(reader: BagReader, changes: Sequence[Change]) -> Iterator[RawMessage]:
+def changed_messages(
+    reader: BagReader, changes: Sequence[Change], debug: DebugMessages | None = None
+) -> Iterator[RawMessage]:
     """All messages of a bag in log-time order; messages of the changes replace those of their topics.
 
     Other messages stay byte for byte. Messages with the same log time keep the order of their topics in the
-    bag. No topic may belong to two changes.
+    bag. No topic may belong to two changes. debug: what the changes add to it comes among the messages.
     """
     replaced = frozenset[str]().union(*(change.topics for change in changes))
     place = {name: index for index, name in enumerate(reader.topics)}
@@ -41,4 +44,5 @@ def changed_messages(reader: BagReader, changes: Sequence[Change]) -> Iterator[R
     streams = [change.messages() for change in changes]
     if untouched:
         streams.append(reader.raw_messages(untouched))
-    return heapq.merge(*streams, key=lambda raw: (raw.log_time_ns, place.get(raw.topic.name, len(place))))
+    merged = heapq.merge(*streams, key=lambda raw: (raw.log_time_ns, place.get(raw.topic.name, len(place))))
+    return merged if debug is None else debug.merged(merged)

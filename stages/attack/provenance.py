@@ -55,6 +55,7 @@ def job_provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     )
     attacks = request.resolved()
     record["attacks"] = json.dumps(attacks, sort_keys=True)
+    record["debug"] = json.dumps(request.debug)
     code = (*(LIDAR if request.lidar else ()), *(MESSAGES if request.has_messages else ()))
     record["code_sha256"] = code_sha256(*code)
     if request.lidar:
@@ -72,6 +73,6 @@ def resolved_text(provenance: dict[str, str]) -> str:
     plain: dict[str, Any] = {
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
-    for key in {"parameters", "attacks", "versions", "lidar_topics", "looks"} & plain.keys():
+    for key in {"parameters", "attacks", "versions", "lidar_topics", "looks", "debug"} & plain.keys():
         plain[key] = plain_json.load_json(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

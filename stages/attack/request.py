@@ -26,12 +26,14 @@ from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_ke
 class AttackRequest:
     """One or several attacks on one bag; several are one coordinated attack.
 
-    device: where detectors compute, as `open_device` takes it.
+    device: where detectors compute, as `open_device` takes it. debug: whether the bag has debug topics, which
+    show viewers what was attacked.
     """
 
     attacks: tuple[AttackSpec, ...]
     seed: int = AttackOptions.seed
     device: str = AttackOptions.device
+    debug: bool = AttackOptions.debug
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "attacks", tuple(map(resolved_name, self.attacks)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,10 +20,12 @@ from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
-from advpipe.stages.attack.change import Change, changed_messages
+from advpipe.pipeline.viewer_layouts.files import write_layouts
+from advpipe.stages.attack.change import changed_messages
 from advpipe.stages.attack.cloud_attack import cloud_attacker, groups_of, unfinished
 from advpipe.stages.attack.clouds import CloudPlan, plan_clouds
 from advpipe.stages.attack.contradictions import refuse_contradictions
+from advpipe.stages.attack.debug import DebugMessages, touched_cloud
 from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
 from advpipe.stages.attack.messages import change_messages
@@ -50,9 +52,11 @@ def attack(
     Every message that is not attacked is copied byte for byte. Frames that are not chosen are left out, or
     their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
     (the resolved request) and Parquet files with the labels: labels.parquet and frames.parquet of
-    clouds (see `labels.clouds`), and those of each change of messages. An interrupted run resumes
-    where it stopped. The bytes are the same for any number of worker processes (default: one for each core,
-    or one where a GPU takes several clouds at once), and whether it ran in one go or in pieces.
+    clouds (see `labels.clouds`), and those of each change of messages. Debug topics (`messages.debug`) show
+    viewers what was attacked, unless the request leaves them out; those of the given bag are not copied.
+    An interrupted run resumes where it stopped. The bytes are the same for any number of worker processes
+    (default: one for each core, or one where a GPU takes several clouds at once), and whether it ran in one
+    go or in pieces.
 
     Raises AdvpipeError for an unknown attack, a bad parameter, an invalid bag, a bag that lacks what is
     attacked or the chosen frames or times, attacks that contradict each other, an output that exists, and
@@ -69,21 +73,24 @@ def attack(
     for detector in {spec.detector: None for spec in request.lidar}:
         load_detector(detector, request.device)
     provenance = job_provenance(reader, request)
-    writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
+    # Made here, as it refuses a bad output at once.
+    writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x = request.of("gnss"), request.of("v2x")
     with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
-        changes = change_messages(reader, gnss, v2x, request.seed)
+        debug = DebugMessages() if request.debug else None
+        changes = change_messages(reader, gnss, v2x, request.seed, debug)
+        messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
         with writer as bag:
             (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
             if plan is None:
-                for message in changed_messages(reader, changes):
+                for message in messages:
                     bag.copy(message)
             else:
-                _write_with_clouds(reader, changes, plan, request, job, bag, summary)
+                _write_with_clouds(reader, messages, plan, request, job, bag, summary)
             for change in changes:
                 summary.replaced |= change.topics & set(reader.topics)
                 change.write_labels(bag.folder)
@@ -123,7 +130,7 @@ def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
 
 def _write_with_clouds(
     reader: BagReader,
-    changes: Sequence[Change],
+    messages: Iterable[RawMessage],
     plan: CloudPlan,
     request: AttackRequest,
     job: Job,
@@ -132,7 +139,6 @@ def _write_with_clouds(
 ) -> None:
     """The messages of the chosen frames, adversarial clouds among them, with their labels."""
     place_of = {(cloud.topic, cloud.frame): place for place, cloud in enumerate(plan.attacked)}
-    messages = changed_messages(reader, changes)
     with PointTables(bag.folder) as tables:
         for frame, message in messages_of_frames(reader, messages, plan, clouds_only=request.has_messages):
             if frame is None:
@@ -144,6 +150,9 @@ def _write_with_clouds(
             else:
                 result, name = job.require(place), request.lidar[plan.attacked[place].attack].type
             bag.copy(_with_result(message, stamped, result))
+            if request.debug and len(result.labels):
+                topic, cdr = touched_cloud(message.topic.name, stamped, result)
+                bag.write_cdr(topic, cdr, message.log_time_ns)
             row = LabelledFrame(
                 *(message.topic.name, frame, name, stamped, len(result.cloud)),
                 *(result.loss_before, result.loss_after, result.note),

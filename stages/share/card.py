@@ -302,7 +302,7 @@ def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> Markdown:
     """The structured type of a cloud topic's points as Python text; empty for another topic."""
     if topic.type != CLOUD_TYPE:
         return Markdown("")
-    _, message = next(BagReader(clean.path).messages(topic.name))
+    _, message = next(BagReader(clean.path, debug=True).messages(topic.name))
     fields = message.fields
     if any(field.datatype not in _POINT_TYPES for field in fields):
         return Markdown("")

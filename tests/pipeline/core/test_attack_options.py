@@ -19,7 +19,7 @@ def test_the_command_line_has_the_same_defaults() -> None:
 def test_the_scenario_file_has_the_same_defaults_and_help() -> None:
     sections = AttackSpec.model_fields | Schedule.model_fields
     for each in fields(AttackOptions):
-        if each.name in ("seed", "device"):  # of all attacks: simulation.seed, and `run --device`
+        if each.name in ("seed", "device", "debug"):  # of all attacks: simulation.seed, and options of `run`
             continue
         assert (sections[each.name].description or "").startswith(each.metadata["help"])
         assert sections[each.name].default == each.default or sections[each.name].is_required()

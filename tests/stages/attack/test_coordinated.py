@@ -234,3 +234,43 @@ def test_a_bag_without_v2x_and_gps(clean_bag, tmp_path):
 def test_its_name():
     assert attack_id(AttackRequest((GPS, detach()))) == "gnss-relocate+detach-random-0.05"
     assert attack_id(AttackRequest((SPEED,))).startswith("cam-speed-constant-speed_mps30")
+
+
+def test_viewers_see_false_and_believed_positions_beside_the_true_ones(drive, tmp_path):
+    offset = AttackSpec(type="cam-position-offset", attackers={"share": 1.0}, schedule=SPAN)
+    attack(drive, tmp_path / "adv", AttackRequest((offset, GPS), 7))
+    labels = pq.read_table(tmp_path / "adv" / "v2x_labels.parquet").to_pylist()
+    claimed = {(row["sent_ns"], row["true_station_id"]): row for row in labels}
+    reader, seen = BagReader(tmp_path / "adv", debug=True), 0
+    for _, message in reader.messages(f"/advpipe/debug{CAMS}"):
+        for marker in message.markers:
+            if marker.ns in ("true", "false"):
+                rows = [row for (_, station), row in claimed.items() if station % 2**31 == marker.id]
+                places = {(row[f"{marker.ns}_x_m"], row[f"{marker.ns}_y_m"]) for row in rows}
+                assert (marker.pose.position.x, marker.pose.position.y) in places
+                seen += 1
+    assert (
+        seen >= 2 * len({row["number"] for row in labels}) * 0.9
+    )  # the last of a station's in a step is shown
+    fixes = pq.read_table(tmp_path / "adv" / "gnss_labels.parquet").to_pylist()
+    spoofed = [row for row in fixes if row["attack"]]
+    shown = list(reader.messages(f"/advpipe/debug{FIX}"))
+    assert [time_ns for time_ns, _ in shown] == [row["stamp_ns"] for row in spoofed]
+    believed = dict(reader.messages("/ego/odometry"))
+    for (time_ns, message), row in zip(shown, spoofed, strict=True):
+        place = {one.ns: one.pose.position for one in message.markers}
+        offset_m = [getattr(place["false"], axis) - getattr(place["true"], axis) for axis in "xyz"]
+        expected_m = [row[f"offset_{axis}_m"] for axis in ("east", "north", "up")]
+        np.testing.assert_allclose(offset_m, expected_m, atol=1e-6)
+        assert place["believed"].x == believed[time_ns].pose.pose.position.x
+    times_ns = [raw.log_time_ns for raw in reader.raw_messages()]
+    assert times_ns == sorted(times_ns)
+
+
+def test_without_debug_only_the_debug_topics_are_missing(drive, tmp_path):
+    attack(drive, tmp_path / "with", AttackRequest((SPEED, GPS, detach()), 7))
+    attack(drive, tmp_path / "without", AttackRequest((SPEED, GPS, detach()), 7, debug=False))
+    full, plain = (BagReader(tmp_path / name, debug=True) for name in ("with", "without"))
+    debug = {f"/advpipe/debug{name}" for name in (LIDAR, CAMS, FIX)}
+    assert full.topics.keys() - plain.topics.keys() == debug
+    assert by_topic(tmp_path / "with") == by_topic(tmp_path / "without")
