@@ -63,7 +63,7 @@ class FilesBeside(FolderCheck):
                 yield Fault(self.subject.place(path), "does not match the SHA-256 in the bag")
 
 
-def _own_layouts(bag: Bag) -> dict[str, bytes]:
+def _own_layouts(bag: BagUnderTest) -> dict[str, bytes]:
     """The layouts that this release writes beside a bag; none for an unreadable bag."""
     try:
         return {name: text.encode() for name, text in layout_texts(bag.path).items()}
