@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.ground_truth import BOX_TYPES, LATENCY_NS, GroundTruth
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.mcap.channel import RawMessage
@@ -72,7 +73,11 @@ def _named(reader: BagReader, topic: str) -> str:
     if not clouds:
         raise UsageError(f"{reader.path} holds no LiDAR clouds (no {CLOUD_TYPE} topic)")
     if topic not in clouds:
-        raise UsageError(f"{reader.path} has no clouds on {topic}; it has {', '.join(lidars or clouds)}")
+        hint = suggestion(topic, lidars or clouds)
+        raise UsageError(
+            f"{reader.path} has no clouds on {topic}; it has {', '.join(lidars or clouds)}"
+            f"{'; ' if hint else ''}{hint}"
+        )
     if topic not in lidars and topic in (known := sensors_by_topic(reader) or {}):
         raise UsageError(
             f"{reader.path}: the clouds of {topic} come from sensors.{known[topic].key}, not from a LiDAR; "

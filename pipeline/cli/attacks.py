@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import textwrap
 from collections.abc import Iterable
+from itertools import groupby
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -42,11 +43,9 @@ def attacks_command(
 
 
 def _list(entries: Iterable[CatalogueEntry]) -> None:
-    from advpipe.stages.attack.catalogue import FAMILIES
-
-    for family, title in FAMILIES.items():
+    for title, family in groupby(entries, key=lambda entry: entry.family_title):
         print(title)
-        for entry in (one for one in entries if one.family == family):
+        for entry in family:
             _print_row(entry.name, entry.headline)
             if entry.budget:
                 _print_row("", f"Budget: {flag_of(entry.budget)}. {entry.budget_title}.")
@@ -79,8 +78,7 @@ def _explain(entry: CatalogueEntry) -> None:
         print("\nWhat its messages claim falsely, at most")
         _print_text(", ".join(entry.untrue), "  ")
     given = "".join(f" {flag_of(one.name)} ..." for one in entry.parameters if _is_required(one))
-    who = {"lidar": "", "gnss": " --victim ego", "v2x": " --attacker 20%"}[entry.family]
-    print(f"\nCarry it out: advpipe attack --type {entry.name}{given}{who}")
+    print(f"\nCarry it out: advpipe attack --type {entry.name}{given} {entry.usual_options}".rstrip())
 
 
 def _signature(one: Parameter) -> str:

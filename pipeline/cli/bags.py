@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
+from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line
 
 
 def inspect(
@@ -26,20 +26,56 @@ def inspect(
 
 def plot(
     bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Picture to write: .png, .pdf or .svg.")] = Path(
-        "v2x.png"
-    ),
+    cloud: Annotated[
+        int | None,
+        typer.Option("--cloud", metavar="FRAME", min=0, help="Draw this LiDAR frame, from 0, from above."),
+    ] = None,
+    attacked: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --cloud: an adversarial version of the bag, to show the points that it changed.",
+            show_default="none; an adversarial BAG is compared with the clean one beside it",
+        ),
+    ] = None,
+    lidar: LidarTopic = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            help="Picture to write: .png, .pdf or .svg.",
+            show_default="v2x.png, or cloud-FRAME.png",
+        ),
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option(help="png, pdf or svg.", show_default="by the extension of --out")
+    ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Draw a drive's V2X: CAM rates, packets delivered by distance, channel load."""
-    from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.bag.v2x_picture import draw_bag
-    from advpipe.pipeline.core.errors import as_usage_error
+    """Draw a drive's V2X (CAM rates, packets delivered by distance, channel load), or one LiDAR frame.
 
+    A frame is drawn from above, with the true boxes if they are recorded and the points that an attack
+    removed, added or moved.
+    """
+    from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.pipeline.core.errors import UsageError, as_usage_error
+    from advpipe.pipeline.core.picture_file import picture_path
+
+    picture = picture_path(out, format, "v2x" if cloud is None else f"cloud-{cloud}")
     with as_usage_error():
-        resolve_bag(bag)
-    draw_bag(bag, out, overwrite)
-    return Answer({"picture": out}, print_line(out))
+        for path in filter(None, (bag, attacked)):
+            resolve_bag(path)
+    if cloud is None:
+        if attacked is not None or lidar is not None:
+            raise UsageError("--attacked and --lidar are about LiDAR frames; choose one with --cloud FRAME")
+        from advpipe.pipeline.bag.v2x_picture import draw_bag
+
+        draw_bag(bag, picture, overwrite)
+    else:
+        from advpipe.pipeline.bag.cloud_picture import draw_cloud
+
+        draw_cloud(bag, cloud, picture, attacked=attacked, lidar_topic=lidar, overwrite=overwrite)
+    return Answer({"picture": picture}, print_line(picture))
 
 
 def recover_command(

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 def attack_names(incomplete: str) -> list[str]:
     """The registered attacks, of all families."""
-    from advpipe.stages.attack.registry import ATTACKS
+    from advpipe.stages.attack import names
 
-    return _beginning(ATTACKS, incomplete)
+    return _beginning(names.attack_names(), incomplete)
 
 
 def detector_names(incomplete: str) -> list[str]:

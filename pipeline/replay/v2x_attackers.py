@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
@@ -60,9 +61,11 @@ class AttackerSelection:
             return None
         number = self._id_of(spec.victim, f"{spec.type}: victim")
         if number not in self.drive.listeners:
-            known = ", ".join(sorted(self.drive.listeners.values()))
+            known = sorted(self.drive.listeners.values())
+            hint = suggestion(spec.victim, known)
             raise UsageError(
-                f"{spec.type}: victim {spec.victim!r} is not instrumented in {self.path}; choose from {known}"
+                f"{spec.type}: victim {spec.victim!r} is not instrumented in {self.path}; {hint}"
+                f"{' ' if hint else ''}choose from {', '.join(known)}"
             )
         return number
 
@@ -72,8 +75,10 @@ class AttackerSelection:
                 return number
         known = sorted(self.drive.stations.values())
         more = f" and {len(known) - _NAMED} more" if len(known) > _NAMED else ""
+        hint = suggestion(name, known)
         raise UsageError(
-            f"{role} {name!r} has no radio in {self.path}; stations are {', '.join(known[:_NAMED])}{more}"
+            f"{role} {name!r} has no radio in {self.path}; {hint}{' ' if hint else ''}"
+            f"stations are {', '.join(known[:_NAMED])}{more}"
         )
 
     def _unit(self, unit: RoadsideUnit) -> int:

@@ -29,11 +29,14 @@ class Attack(ABC):
     """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack` or `GnssAttack`.
 
     A class that lacks what its base requires is refused when it is registered or loaded. family: follows from
-    the base class. own_keys: keys of an attack in a scenario file that only this family has. traits_type: the
-    class of `traits`. quantities: those of its family, by name.
+    the base class. family_title: what the family's attacks change, for users. usual_options: of the command
+    line, that choose whom the attack concerns, as an example. own_keys: keys of an attack in a scenario file
+    that only this family has. traits_type: the class of `traits`. quantities: those of its family, by name.
     """
 
     family: ClassVar[Family]
+    family_title: ClassVar[str]
+    usual_options: ClassVar[str] = ""
     own_keys: ClassVar[tuple[str, ...]] = ()
     traits_type: ClassVar[type[Traits]]
     quantities: ClassVar[Mapping[str, Quantity[Any]]]

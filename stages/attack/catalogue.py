@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,13 +14,6 @@ from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.parameter_docs import Parameter, documented_parameters, recipe_text, summary
 from advpipe.stages.attack.parameters import REQUIRED
 from advpipe.stages.attack.registry import ATTACKS, default_budget, find_attack, resolved_name
-
-FAMILIES: Mapping[Family, str] = {
-    "lidar": "LiDAR: change the points of clouds",
-    "gnss": "GNSS: replace the GPS fixes of a vehicle",
-    "v2x": "V2X: change, delay, drop or add Cooperative Awareness Messages (CAMs)",
-}
-"""Every family and what its attacks do, in the order in which users read of them."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +35,17 @@ class BoundText:
 class CatalogueEntry:
     """One attack.
 
-    budget: the parameter that bounds the change, and budget_title what that is, with the unit of
-    tables; both "" where no single one does. recipe: how a LiDAR attack may search; "" of others. parameters:
-    with the defaults of the command line. bounds, untrue: what it declares with these defaults: limits, and
-    what its messages claim falsely; nothing where a parameter has to be given first.
+    family_title, usual_options: see `Attack`. budget: the parameter that bounds the change, and budget_title
+    what that is, with the unit of tables; both "" where no single one does. recipe: how a LiDAR attack may
+    search; "" of others. parameters: with the defaults of the command line. bounds, untrue: what it declares
+    with these defaults: limits, and what its messages claim falsely; nothing where a parameter has to be given
+    first.
     """
 
     name: str
     family: Family
+    family_title: str
+    usual_options: str
     summary: str
     also_known_as: tuple[str, ...]
     budget: str
@@ -82,8 +77,7 @@ class CatalogueEntry:
 
 def catalogue() -> tuple[CatalogueEntry, ...]:
     """All registered attacks, family by family."""
-    order = list(FAMILIES)
-    return tuple(sorted(map(catalogue_entry, ATTACKS), key=lambda entry: order.index(entry.family)))
+    return tuple(map(catalogue_entry, ATTACKS))
 
 
 def catalogue_entry(attack: str) -> CatalogueEntry:
@@ -102,6 +96,8 @@ def catalogue_entry(attack: str) -> CatalogueEntry:
     return CatalogueEntry(
         name=name,
         family=attack_class.family,
+        family_title=attack_class.family_title,
+        usual_options=attack_class.usual_options,
         summary=summary(attack_class),
         also_known_as=traits.also_known_as,
         budget=budget.parameter if budget else "",

@@ -84,6 +84,8 @@ class GnssAttack(Attack):
     """
 
     family = "gnss"
+    family_title = "GNSS: replace the GPS fixes of a vehicle"
+    usual_options = "--victim ego"
     traits_type = GnssTraits
     quantities = FIX_QUANTITIES
 

@@ -109,6 +109,7 @@ class LidarAttack(Attack):
     """
 
     family = "lidar"
+    family_title = "LiDAR: change the points of clouds"
     own_keys = ("recipe", "lidar", "frames", "detector")
     traits_type = LidarTraits
     quantities = CLOUD_QUANTITIES

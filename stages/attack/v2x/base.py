@@ -172,6 +172,8 @@ class V2xAttack(Attack):
     """An attack on messages; the module's docstring has the rules."""
 
     family = "v2x"
+    family_title = "V2X: change, delay, drop or add Cooperative Awareness Messages (CAMs)"
+    usual_options = "--attacker 20%"
     own_keys = ("attackers", "dcc_reacts")
     traits_type = V2xTraits
     quantities = MESSAGE_QUANTITIES

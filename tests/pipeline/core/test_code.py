@@ -36,6 +36,7 @@ NO_FIGURE = {
     "pipeline/core/nearest.py",
     "pipeline/core/options.py",
     "pipeline/core/partial.py",
+    "pipeline/core/picture_file.py",
     "pipeline/core/plain_json.py",
     "pipeline/core/plain_yaml.py",
     "pipeline/core/plugins.py",

@@ -267,6 +267,8 @@ def test_invalid_input_is_a_one_line_error(recorded, tmp_path):
     reader = recorded()
     with pytest.raises(AdvpipeError, match=r"cam-drop: attacker 'nobody' has no radio in .*; stations are"):
         forge(reader, [spec("cam-drop", attackers={"vehicles": ["nobody"]})], 1)
+    with pytest.raises(AdvpipeError, match=r"victim 'eog' .*; did you mean 'ego'\? stations are"):
+        forge(reader, [spec("cam-drop", victim="eog")], 1)
     with pytest.raises(AdvpipeError, match=r"victim '.*' is not instrumented in .*; choose from ego"):
         forge(reader, [spec("cam-drop", victim=vehicle(reader))], 1)
     with pytest.raises(AdvpipeError, match=r"cam-drop: its schedule begins at 99 s"):
