@@ -38,8 +38,8 @@ class CatalogueEntry:
     family_title, usual_options: see `Attack`. budget: the parameter that bounds the change, and budget_title
     what that is, with the unit of tables; both "" where no single one does. recipe: how a LiDAR attack may
     search; "" of others. parameters: with the defaults of the command line. bounds, untrue: what it declares
-    with these defaults: limits, and what its messages claim falsely; nothing where a parameter has to be given
-    first.
+    with these defaults: limits, and what its messages claim falsely; nothing where a parameter has to be
+    given first.
     """
 
     name: str
