@@ -13,7 +13,7 @@ TORCH := $(shell sed -n '/^torch==/p' constraints.txt)
 # Without --no-compile, pip compiles all modules to 0.5 GB of bytecode; Python compiles only those it imports.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: install demo test wheel-test nightly fuzz lint format checkpoint docs clean
+.PHONY: install demo test wheel-test nightly fuzz lint format checkpoint docs viewer clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -70,6 +70,10 @@ checkpoint: $(INSTALLED)
 # The site of docs/, in build/site; `$(BIN)/mkdocs serve` shows it and follows changes.
 docs: $(INSTALLED)
 	$(BIN)/mkdocs build --strict
+
+# The bundle of three.js that the 3D viewer is drawn with, from the npm registry; needs npm.
+viewer:
+	pipeline/viewer/three/make.sh
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info

@@ -26,7 +26,7 @@ LAYERS = (
     {"messages"},
     {"sensors"},
     {"scenario"},
-    {"bag", "baselines", "birds_eye", "labels", "results"},
+    {"bag", "baselines", "birds_eye", "labels", "results", "viewer"},
     {"replay", "dataset", "detector"},
     {"defences"},
 )

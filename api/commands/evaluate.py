@@ -30,6 +30,7 @@ def evaluate(
     lidar: str | None = Options.lidar_topic,
     write_detections: bool = Options.detections,
     with_clouds: bool = Options.with_clouds,
+    scene: bool = Options.scene,
     workers: int | None = None,
     out: PathLike | None = None,
     overwrite: bool = False,
@@ -44,9 +45,9 @@ def evaluate(
     or several. seed: of the bootstrap, the baselines and the defences. baseline: scores the same budget spent
     at random; baseline_tries: of how many tries the best one, by default as many as the attack looked at.
     lidar: the topic of the clouds, among several. write_detections: writes bags that show the detections;
-    with_clouds: with the clouds in them. workers: processes, by default one a core; their number changes no
-    byte. out: the report's folder, by default `reports/<detector>` of the data set. overwrite: replaces one
-    that exists.
+    with_clouds: with the clouds in them. scene: shows frames in 3D in the page. workers: processes, by
+    default one a core; their number changes no byte. out: the report's folder, by default
+    `reports/<detector>` of the data set. overwrite: replaces one that exists.
 
     Returns the report, written to `out`: `to_dicts()` has the rows of report.json, mAP as a share, ratios in
     percent, distances in metres. Raises UsageError for bags that do not belong together or lack what is
@@ -76,5 +77,6 @@ def evaluate(
         detections=write_detections or with_clouds,
         with_clouds=with_clouds,
         device=device,
+        scene=scene,
     )
     return run(scored, others, target, options, overwrite=overwrite, workers=workers)

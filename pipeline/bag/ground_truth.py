@@ -82,7 +82,7 @@ class GroundTruth:
         boxes = Boxes(boxes.geometry, boxes.labels, boxes.ids, velocity_mps)
         if frame_id == lidar_frame:
             return boxes
-        return boxes.transformed(self._lidar_SE3(frame_id, stamp_ns, lidar_frame))
+        return boxes.transformed(self.lidar_SE3(frame_id, stamp_ns, lidar_frame))
 
     def take(self, raw: RawMessage) -> None:
         """Keeps what a message of `topic_names` says."""
@@ -111,7 +111,7 @@ class GroundTruth:
             for old in [stamp for stamp in by_stamp if stamp < stamp_ns - LATENCY_NS]:
                 del by_stamp[old]
 
-    def _lidar_SE3(self, frame_id: str, stamp_ns: int, lidar_frame: str) -> Float64:
+    def lidar_SE3(self, frame_id: str, stamp_ns: int, lidar_frame: str) -> Float64:
         """`lidar_SE3_frame`, through the tree of transforms at that instant."""
         parents = {**self._moving.get(stamp_ns, {}), **self._static}
         lidar_root, root_SE3_lidar = _to_root(parents, lidar_frame)

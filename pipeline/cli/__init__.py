@@ -24,6 +24,7 @@ from advpipe.pipeline.cli.sweep import sweep
 from advpipe.pipeline.cli.train import import_weights, train_command
 from advpipe.pipeline.cli.unpack import unpack_command
 from advpipe.pipeline.cli.verify import verify_command
+from advpipe.pipeline.cli.view import view_command
 
 app = typer.Typer(
     cls=OneLineErrors,
@@ -48,6 +49,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "unpack": unpack_command,
     "inspect": inspect,
     "plot": plot,
+    "view": view_command,
     "recover": recover_command,
     "clean": clean,
     "verify": verify_command,

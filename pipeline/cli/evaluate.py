@@ -45,6 +45,7 @@ def evaluate_command(
     lidar: LidarTopic = None,
     write_detections: Annotated[bool, cli_option(Options, "detections", "--write-detections")] = False,
     with_clouds: Annotated[bool, cli_option(Options, "with_clouds", "--with-clouds")] = False,
+    scene: Annotated[bool, cli_option(Options, "scene")] = Options.scene,
     workers: Workers = None,
     out: Annotated[
         Path | None,
@@ -67,6 +68,7 @@ def evaluate_command(
         lidar=lidar,
         write_detections=write_detections,
         with_clouds=with_clouds,
+        scene=scene,
         workers=workers,
         out=out,
         overwrite=overwrite,

@@ -43,6 +43,7 @@ class Options:
     detections: bool = option(False, "Also write bags that show the detections.")
     with_clouds: bool = option(False, "Keep the clouds in those bags (implies them).")
     device: str = options.device()
+    scene: bool = option(True, "Show frames in 3D in the report's page, which takes up to 2 MB for each.")
 
     def __post_init__(self) -> None:
         from advpipe.pipeline.defences.registry import parse_defences

@@ -23,7 +23,13 @@ from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.training_map import MapStatus
 
-SCORING = (*CLOUDS, "pipeline/defences", "pipeline/results", "stages/evaluate/detection")
+SCORING = (
+    *CLOUDS,
+    "pipeline/messages/cloud_difference.py",
+    "pipeline/defences",
+    "pipeline/results",
+    "stages/evaluate/detection",
+)
 """The code that decides the figures of detection."""
 
 REPORTING = (

@@ -21,9 +21,9 @@ from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_difference
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.stages.evaluate.detection.baseline import attack_query_budget, random_baselines
-from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
     Comparison,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference
+from advpipe.pipeline.messages.cloud_difference import CloudDifference
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from advpipe.pipeline.baselines import move_within, random_directions
 from advpipe.pipeline.defences.base import with_xyz
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference
+from advpipe.pipeline.messages.cloud_difference import CloudDifference
 from advpipe.stages.evaluate.detection.displacement import added_distance_m
 
 Int64 = npt.NDArray[np.int64]

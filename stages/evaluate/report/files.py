@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.partial import FolderKind
 from advpipe.pipeline.results.origin import DetectorOrigin
+from advpipe.pipeline.viewer.page import viewer_html
 from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.detection.write_back import write_detections
@@ -17,6 +18,7 @@ from advpipe.stages.evaluate.report.html import write_html
 from advpipe.stages.evaluate.report.pictures import draw_pictures
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.results import write_frames, write_results
+from advpipe.stages.evaluate.report.viewer_scenes import viewer_scenes
 
 REPORT = FolderKind(
     "report",
@@ -37,7 +39,8 @@ def write_report(
     (folder / "figures").mkdir()
     for picture in [*pictures, *(picture for section in report.sections for picture in section.pictures)]:
         (folder / "figures" / picture.file_name).write_bytes(picture.png)
-    write_html(report, summaries, pictures, folder / "report.html")
+    scenes = viewer_scenes(clean, of_first_detector(summaries), options.lidar_topic) if options.scene else []
+    write_html(report, summaries, pictures, folder / "report.html", viewer_html(scenes))
     if options.detections and summaries:
         comparisons = [summary.comparison for summary in of_first_detector(summaries)]
         _write_detections(clean, comparisons, folder / "detections", report.origin.detectors[0], options)

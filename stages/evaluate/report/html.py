@@ -28,9 +28,13 @@ TEMPLATE = Path(__file__).with_name("template.html")
 
 
 def write_html(
-    report: Report, summaries: Sequence[Summary], pictures: Sequence[ReportPicture], path: Path
+    report: Report,
+    summaries: Sequence[Summary],
+    pictures: Sequence[ReportPicture],
+    path: Path,
+    viewer: str = "",
 ) -> None:
-    """Write report.html: tables, pictures, formulas and provenance."""
+    """Write report.html: tables, pictures, formulas and provenance; viewer: HTML of frames in 3D, or none."""
     page = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
         title=report.origin.clean,
@@ -40,6 +44,7 @@ def write_html(
         notes=table_notes(report),
         warnings=report.warnings,
         lost=lost_of(report),
+        viewer=viewer,
         overview=_of(pictures, OVERVIEW, ""),
         clean_sections=[
             {

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_difference
 from advpipe.pipeline.results.records import TransferRecord
 from advpipe.pipeline.results.row import AttackRecord
-from advpipe.stages.evaluate.detection.cloud_difference import CloudDifference, cloud_difference
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import lost_objects
 from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects

@@ -6,8 +6,8 @@ import pytest
 from advpipe.pipeline.baselines import points_near_boxes
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
+from advpipe.pipeline.messages.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
-from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.random_change import RandomChange, SpentBudget, regions
 
 BOXES = np.array([[-10.0, 0.0, 0.0, 6.0, 6.0, 10.0, 0.0], [10.0, 5.0, 0.0, 6.0, 6.0, 10.0, 0.5]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
-from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
+from advpipe.pipeline.messages.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.displacement import Displacement
 
 

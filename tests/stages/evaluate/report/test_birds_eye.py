@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
-from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
+from advpipe.pipeline.messages.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.scoring import Truth
 from advpipe.stages.evaluate.report.birds_eye import LOST, PREDICTION, TRUTH, draw_scene
 from advpipe.stages.evaluate.report.pictures import to_png

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
-from advpipe.stages.evaluate.detection.cloud_difference import cloud_difference
+from advpipe.pipeline.messages.cloud_difference import cloud_difference
 
 
 def cloud(n: int, seed: int = 0) -> np.ndarray:

@@ -1,0 +1,223 @@
+// One viewer: its controls, and what is shown now. `root` is the element that fragment.html makes.
+
+const VIEWS = { r: "reset", t: "top", e: "ego" };
+const PLAY_MS = 2600; // from the clean to the attacked cloud
+const FRAMES_PER_S = 5; // of a time line that plays
+
+class Viewer {
+  constructor(root, source) {
+    this.root = root;
+    this.source = source;
+    this.isBag = root.dataset.source === "server"; // and else a part of a report
+    this.one = (name) => root.querySelector(`.adv-${name}`);
+    this.progress = 1;
+    this.stretch = 1;
+    this.selected = null;
+    this.hidden = new Set();
+    this.stage = new Stage(this.one("canvas"), root);
+    this.cloud = new CloudView(root);
+    this.boxes = new BoxView(root);
+    this.ground = new GroundView(root);
+    this.labels = new Labels(this.one("labels"), this.stage, (number) => this.select(number));
+    const { scene } = this.stage;
+    scene.add(this.ground.group, this.cloud.group, this.boxes.group, this.boxes.targets, this.boxes.selection);
+    this.stage.onDraw = () => this.labels.place();
+    this.stage.onResize = () => this.scene && this.redraw();
+    this.connect();
+    onThemeChange(() => this.recolour());
+  }
+
+  // Shows the frame of a number; the view stays where it is but for the first one.
+  async open(number) {
+    this.number = number;
+    const wanted = (this.wanted = (this.wanted || 0) + 1);
+    let scene;
+    try {
+      scene = await this.source.scene(number, this.one("option").value);
+    } catch (error) {
+      this.one("story").replaceChildren(element("p", "adv-lead", `This frame cannot be shown: ${error.message}`));
+      return;
+    }
+    if (wanted !== this.wanted) return; // another one was asked for meanwhile
+    const isFirst = !this.scene;
+    const kept = this.selected === null ? null : this.scene.boxes[this.selected].id;
+    this.scene = scene;
+    this.selected = null;
+    this.draw();
+    this.list();
+    if (isFirst) this.look("reset");
+    this.select(this.sameOr(kept));
+    this.root.dataset.ready = String(number);
+  }
+
+  // The number of the object that was chosen in the frame before; without one, of one that is lost or displaced;
+  // or null.
+  sameOr(id) {
+    const { boxes } = this.scene;
+    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((fate) => (box) => box.fate === fate)]
+      .map((is) => boxes.findIndex(is));
+    return found.find((number) => number >= 0) ?? null;
+  }
+
+  draw() {
+    const { scene } = this;
+    this.one("heading").textContent = scene.title;
+    this.one("note").textContent = scene.note;
+    this.root.classList.toggle("adv-is-attacked", scene.is_attacked);
+    this.one("stretching").hidden = !scene.points.counts[MOVED];
+    this.boxes.scale = this.ground.scale = this.stage.scale;
+    this.cloud.resize(scene, this.stage.scale * this.stage.renderer.getPixelRatio());
+    this.cloud.show(scene, this.one("shade").value);
+    this.boxes.show(scene);
+    this.ground.show(scene);
+    this.legend();
+    this.move();
+  }
+
+  // What the slider and the buttons of the legend change.
+  move() {
+    const progress = this.scene.is_attacked ? this.progress : 0;
+    const shown = (role) => !this.hidden.has(role);
+    this.cloud.move(progress, this.stretch);
+    this.boxes.move(progress, shown);
+    this.ground.move(progress, shown);
+    const named = [...this.scene.boxes.entries()].filter(
+      ([number, { fate }]) => number === this.selected ||
+        (shown("truth") && progress >= 0.5 && (fate === "lost" || fate === "displaced")));
+    this.labels.show(named.filter(([, box]) => FATES[box.fate]), RINGS_M, this.scene.ground_z_m);
+    this.one("stretched").hidden = this.stretch === 1 || !this.scene.points.counts[MOVED];
+    this.one("stretched").textContent = `displacements × ${this.stretch}`;
+    this.stage.draw();
+  }
+
+  look(name) {
+    this.stage.look(name, focusOf(this.scene), this.scene.ground_z_m);
+  }
+
+  select(number) {
+    this.selected = number;
+    this.boxes.select(number);
+    this.one("objects").value = number === null ? "" : String(number);
+    this.one("closer").hidden = number === null;
+    const story = number === null
+      ? [element("p", "adv-lead", "Click on a box, or choose an object, to read what became of it.")]
+      : storyOf(this.scene.boxes[number]);
+    this.one("story").replaceChildren(...story);
+    this.move();
+  }
+
+  // The objects, for those who do not click on a canvas.
+  list() {
+    const groups = new Map();
+    this.scene.boxes.forEach((box, number) => {
+      const group = box.role === "truth" ? FATES[box.fate] : box.group;
+      groups.set(group, [...(groups.get(group) || []), new Option(box.title, number)]);
+    });
+    const nothing = new Option("none chosen", "");
+    const order = Object.values(FATES);
+    const rank = (name) => (order.indexOf(name) + order.length + 1) % (order.length + 1);
+    const grouped = [...groups].sort(([a], [b]) => rank(a) - rank(b)).map(([name, options]) => {
+      const made = document.createElement("optgroup");
+      made.label = `${name} (${options.length})`;
+      made.append(...options);
+      return made;
+    });
+    this.one("objects").replaceChildren(nothing, ...grouped);
+  }
+
+  legend() {
+    const { boxes, points, lines } = this.scene;
+    const has = (role, fate) => boxes.some((box) => box.role === role && (!fate || box.fate === fate));
+    const count = (action) => points.total[action].toLocaleString("en");
+    const marks = [
+      has("truth") && ["truth", "line", "truth"],
+      has("truth", "displaced") && ["displaced", "line", "displaced"],
+      has("truth", "lost") && ["lost", "line", "lost"],
+      has("prediction") && ["prediction", "line", "predictions"],
+      points.total[MOVED] && ["moved", "disc", `moved: ${count(MOVED)}`],
+      points.total[ADDED] && ["added", "diamond", `added: ${count(ADDED)}`],
+      points.total[REMOVED] && ["removed", "hollow", `removed: ${count(REMOVED)}`],
+      boxes.some(({ fate }) => fate === "changed") && ["added", "line", "claimed by the attack"],
+      has("cam") && ["cam", "line", "CAMs"],
+      has("ldm") && ["ldm", "dashed", "Local Dynamic Map"],
+      ...["lane", "true", "believed"].map((kind) => lines.some((line) => line.kind === kind) && LINE_MARKS[kind]),
+    ].filter(Boolean);
+    this.one("legend").replaceChildren(...marks.map((mark) => this.mark(...mark)));
+  }
+
+  // A line of the legend; those of boxes and lines are buttons that hide them.
+  mark(name, shape, text) {
+    const isSwitch = ["truth", "prediction", "cam", "ldm", "lane", "true", "believed"].includes(name);
+    const made = element(isSwitch ? "button" : "span", "adv-mark", text);
+    made.prepend(element("i", `adv-${shape} adv-${name === "true" ? "truth" : name}`, ""));
+    if (!isSwitch) return made;
+    made.type = "button";
+    made.title = "show or hide";
+    made.setAttribute("aria-pressed", String(!this.hidden.has(name)));
+    made.addEventListener("click", () => {
+      if (!this.hidden.delete(name)) this.hidden.add(name);
+      made.setAttribute("aria-pressed", String(!this.hidden.has(name)));
+      this.move();
+    });
+    return made;
+  }
+
+  recolour() {
+    this.stage.recolour();
+    this.cloud.recolour();
+    if (this.scene) this.redraw();
+  }
+
+  redraw() {
+    this.draw();
+    this.select(this.selected);
+  }
+
+  setProgress(progress) {
+    this.progress = progress;
+    this.one("progress").value = String(progress);
+    this.move();
+  }
+
+  // Runs from one end of the slider to the other, until it is there or somebody takes the slider.
+  play() {
+    const from = this.progress >= 1 ? 0 : this.progress, started = performance.now();
+    const run = (this.run = {});
+    const step = (now) => {
+      if (run !== this.run) return;
+      const progress = Math.min(1, from + Math.max(0, now - started) / PLAY_MS);
+      this.setProgress(progress);
+      if (progress < 1) requestAnimationFrame(step);
+      else this.stop();
+    };
+    this.one("play").setAttribute("aria-pressed", "true");
+    requestAnimationFrame(step);
+  }
+
+  stop() {
+    this.run = null;
+    this.one("play").setAttribute("aria-pressed", "false");
+  }
+
+  save() {
+    const link = document.createElement("a");
+    link.href = this.one("canvas").toDataURL("image/png");
+    link.download = `${this.scene.name}.png`;
+    link.click();
+  }
+}
+
+// The places that the first view has to show: objects that count, without the farthest, and all that are hidden.
+// What an attack claims counts as well, if it is not far away.
+function focusOf({ boxes }) {
+  const truth = boxes.filter(({ role, fate }) => role === "truth" && fate !== "ignored"); // the nearest ones first
+  const near = truth.slice(0, Math.ceil(0.85 * truth.length));
+  const hidden = truth.filter(({ fate }) => ["lost", "displaced"].includes(fate));
+  const claimed = boxes.filter(({ fate, box: [x, y] }) => fate === "changed" && Math.hypot(x, y) < 90);
+  const places = [...near, ...hidden, ...claimed].map(({ box }) => box.slice(0, 3));
+  return places.length ? places : [[25, 15, 0], [25, -15, 0], [-15, 0, 0]];
+}
+
+const LINE_MARKS = {
+  lane: ["lane", "line", "lanes"], true: ["true", "line", "true path"], believed: ["believed", "dashed", "believed path"],
+};

@@ -1,0 +1,235 @@
+"""Frames of a comparison for the viewer: what became of each object, with scores and overlaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, count_points
+from advpipe.pipeline.geometry.iou import iou_3d
+from advpipe.pipeline.messages.cloud import xyz
+from advpipe.pipeline.viewer.scene import (
+    ALWAYS,
+    ATTACKED,
+    CLEAN,
+    DISPLACED,
+    FALSE,
+    FOUND,
+    HIT,
+    IGNORED,
+    LOST,
+    MISSED,
+    PREDICTION,
+    TRUTH,
+    Fact,
+    SceneBox,
+    ViewerScene,
+)
+from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
+from advpipe.stages.evaluate.detection.scoring import (
+    Bool,
+    Int64,
+    Truth,
+    false_positives,
+    found_objects,
+    labelled,
+)
+from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.report.numbers import NOTHING
+from advpipe.stages.evaluate.report.scene import (
+    Float64,
+    ReportScene,
+    attack_title,
+    best_frames,
+    load_scene,
+    worst_frames,
+)
+
+WORST, BEST = 2, 1
+"""Frames of the strongest attack that a report shows in 3D: with most lost objects, and with fewest."""
+
+MOST = 6
+"""Frames in all; of the other attacks the worst one each."""
+
+OVERLAPS = 0.05
+"""From this IoU on, a detection of its class is told of in an object's story."""
+
+
+def viewer_scenes(
+    clean: Path, summaries: Sequence[Summary], lidar_topic: str | None = None
+) -> list[ViewerScene]:
+    """The worst frame of the strongest attack, two others, and the worst ones of other attacks.
+
+    The strongest attack has the lowest mAP ratio. Without attacks, they are frames of the clean bag.
+    """
+    order = sorted(summaries, key=_map_ratio)
+    chosen = [(summary, frame) for summary in order[:1] for frame in worst_frames(summary, WORST)]
+    worst = [frame for _, frame in chosen]
+    chosen += [(summary, frame) for summary in order[:1] for frame in best_frames(summary, BEST, worst)]
+    chosen += [(summary, frame) for summary in order[1:] for frame in worst_frames(summary, 1)]
+    return [
+        _viewer_scene(summary, frame, load_scene(clean, summary, frame, lidar_topic), len(order) > 1)
+        for summary, frame in chosen[:MOST]
+    ]
+
+
+def _map_ratio(summary: Summary) -> float:
+    attacked = summary.result.attacked
+    return (
+        float("inf") if attacked is None or attacked.map_ratio_percent is None else attacked.map_ratio_percent
+    )
+
+
+def _viewer_scene(
+    summary: Summary, frame: FrameResult, scene: ReportScene, is_one_of_several: bool
+) -> ViewerScene:
+    fates = object_fates(frame, summary.min_score)
+    counts = {fate: fates.count(fate) for fate in (LOST, DISPLACED, MISSED)}
+    told = ", ".join(f"{count} {fate}" for fate, count in counts.items() if count) or "every object found"
+    name = f"{attack_title(summary.result.attack)}, " if scene.after else ""
+    return ViewerScene(
+        name=scene.name,
+        title=f"{name}frame {frame.index}: {told}",
+        label=f"{summary.comparison.name} {frame.index}: {told}"
+        if is_one_of_several
+        else f"{frame.index}: {told}",
+        clean=scene.before.cloud,
+        attacked=scene.after.cloud if scene.after else None,
+        change=scene.change,
+        boxes=(*_objects(summary, frame, scene, fates), *_predictions(summary, frame)),
+        note=f"Predictions with a score of at least {summary.min_score:.2f}.",
+    )
+
+
+def object_fates(frame: FrameResult, min_score: float) -> list[str]:
+    """What became of each object of a frame, of detections with at least this score."""
+    on = [frame.clean, *([frame.adversarial] if frame.adversarial else [])]
+    loose = [found_objects(frame.truth, cloud.matches, min_score) for cloud in on]
+    strict = [found_objects(frame.truth, cloud.matches, min_score, "strict") for cloud in on]
+    fates = np.full(len(frame.truth.boxes), FOUND, dtype=object)
+    fates[strict[0] & ~strict[-1]] = DISPLACED
+    fates[loose[0] & ~loose[-1]] = LOST
+    fates[~loose[0]] = MISSED
+    fates[~frame.truth.is_evaluated] = IGNORED
+    return [str(fate) for fate in fates]
+
+
+def _objects(
+    summary: Summary, frame: FrameResult, scene: ReportScene, fates: Sequence[str]
+) -> Iterator[SceneBox]:
+    truth, boxes = frame.truth, frame.truth.boxes
+    after = count_points(xyz(scene.after.cloud), boxes.geometry) if scene.after else None
+    found_by = [
+        (cloud, *best_detections(truth, cloud))
+        for cloud in (frame.clean, frame.adversarial)
+        if cloud is not None
+    ]
+    for number, (box, fate) in enumerate(zip(boxes.geometry, fates, strict=True)):
+        points = [str(truth.points[number]), *([] if after is None else [str(after[number])])]
+        scores = [_score(cloud, best[number]) for cloud, best, _ in found_by]
+        overlaps = [_overlap(best[number], iou[number]) for _, best, iou in found_by]
+        yield SceneBox(
+            TRUTH,
+            box.tolist(),
+            f"{CLASSES[boxes.labels[number]]} {boxes.ids[number]}",
+            fate,
+            ALWAYS,
+            boxes.ids[number],
+            lead=_lead(fate, truth, number, summary.min_score),
+            facts=(
+                Fact("range", f"{np.hypot(box[0], box[1]):.1f} m"),
+                Fact("LiDAR points", *points),
+                Fact("score", *scores),
+                Fact("IoU in 3D", *overlaps),
+                *_occlusion(truth.occlusion[number]),
+                Fact("size", " × ".join(f"{length_m:.1f}" for length_m in box[3:6]) + " m"),
+            ),
+        )
+
+
+def best_detections(truth: Truth, cloud: CloudResult) -> tuple[Int64, Float64]:
+    """For each object (M,) the detection that finds it or, of its class, overlaps it most, and their 3D IoU.
+
+    The detection is -1 where none overlaps it by `OVERLAPS`, whatever the scores.
+    """
+    overlap = iou_3d(truth.boxes.geometry, cloud.detections.boxes)
+    overlap[truth.boxes.labels[:, None] != cloud.detections.labels] = 0.0
+    best = np.full(len(truth.boxes), -1, dtype=np.int64)
+    if overlap.shape[1]:
+        best = np.where(overlap.max(axis=1) >= OVERLAPS, overlap.argmax(axis=1), -1)
+    for (criterion, name), matches in cloud.matches.items():
+        if criterion == "loose":
+            objects = np.flatnonzero(labelled(truth.boxes.labels, name))
+            detections = np.flatnonzero(labelled(cloud.detections.labels, name))
+            hit = matches.found_by >= 0
+            best[objects[hit]] = detections[matches.found_by[hit]]
+    iou = np.zeros(len(best))
+    iou[best >= 0] = overlap[best >= 0, best[best >= 0]]
+    return best, iou
+
+
+def _lead(fate: str, truth: Truth, number: int, min_score: float) -> str:
+    if fate == IGNORED:
+        few = truth.points[number] < MIN_POINTS
+        return "Not evaluated: " + (
+            f"fewer than {MIN_POINTS} points in the clean cloud."
+            if few
+            else "out of range, or of another class."
+        )
+    return {
+        FOUND: "",
+        DISPLACED: "Found strictly on the clean cloud, and only at loose overlap on the attacked one.",
+        LOST: "Found on the clean cloud; on the attacked one no detection with a score of at least "
+        f"{min_score:.2f} overlaps it enough.",
+        MISSED: f"Not found with a score of at least {min_score:.2f} on the clean cloud.",
+    }[fate]
+
+
+def _score(cloud: CloudResult, detection: int) -> str:
+    return f"{cloud.detections.scores[detection]:.2f}" if detection >= 0 else "no box"
+
+
+def _overlap(detection: int, iou: float) -> str:
+    return f"{iou:.2f}" if detection >= 0 else NOTHING
+
+
+def _occlusion(share: float) -> Iterator[Fact]:
+    if np.isfinite(share):
+        yield Fact("occlusion", f"{100 * share:.0f} %")
+
+
+def _predictions(summary: Summary, frame: FrameResult) -> Iterator[SceneBox]:
+    clouds = [(CLEAN if frame.adversarial else ALWAYS, frame.clean)]
+    if frame.adversarial:
+        clouds.append((ATTACKED, frame.adversarial))
+    for condition, cloud in clouds:
+        fates = _prediction_fates(cloud, summary.min_score)
+        for number in np.flatnonzero(cloud.detections.scores >= summary.min_score).tolist():
+            box, label = cloud.detections.boxes[number], cloud.detections.labels[number]
+            where = f" on the {condition} cloud" if condition else ""
+            yield SceneBox(
+                PREDICTION,
+                box.tolist(),
+                f"predicted {CLASSES[label]}, {cloud.detections.scores[number]:.2f}",
+                fates[number],
+                condition,
+                group=f"predictions{where}",
+                facts=(
+                    Fact("score", f"{cloud.detections.scores[number]:.2f}"),
+                    Fact("range", f"{np.hypot(box[0], box[1]):.1f} m"),
+                    Fact("LiDAR points", str(cloud.box_points[number])),
+                ),
+            )
+
+
+def _prediction_fates(cloud: CloudResult, min_score: float) -> list[str]:
+    wrong: Bool = false_positives(cloud.detections, cloud.matches, min_score)
+    ignored = np.zeros(len(wrong), dtype=bool)
+    for (criterion, name), matches in cloud.matches.items():
+        if criterion == "loose":
+            ignored[labelled(cloud.detections.labels, name)] = matches.is_ignored
+    return [
+        FALSE if bad else IGNORED if left_out else HIT for bad, left_out in zip(wrong, ignored, strict=True)
+    ]

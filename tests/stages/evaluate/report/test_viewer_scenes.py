@@ -1,0 +1,90 @@
+"""What the viewer of a report tells of objects is what the tables of the report count."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from place_drive import DETECTOR, hide_first_car
+
+from advpipe.commands.evaluate import evaluate
+
+
+def scenes_of(folder):
+    found = re.findall(
+        r'<script type="application/json" class="adv-scene"[^>]*>(.*?)</script>',
+        (folder / "report.html").read_text(),
+    )
+    return [json.loads(text) for text in found]
+
+
+@pytest.fixture
+def report(clean, attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(6))
+    evaluate(clean, bag, out=tmp_path / "report", detector=DETECTOR, workers=1)
+    return tmp_path / "report"
+
+
+def test_fates_are_those_of_the_tables(report):
+    scenes = scenes_of(report)
+    table = pq.read_table(str(report / "results.parquet")).to_pylist()
+    assert len(scenes) == 3
+    for scene in scenes:
+        frame = int(scene["name"].rpartition("-")[2])
+        lost = {
+            line["id"]
+            for line in table
+            if line["frame"] == frame and line["cloud"] == "adv" and line["is_lost"]
+        }
+        assert lost == {"user0"}
+        told = {box["id"]: box for box in scene["boxes"] if box["role"] == "truth"}
+        assert {name for name, box in told.items() if box["fate"] == "lost"} == lost
+        assert {name: box["fate"] for name, box in told.items()} == {
+            "user0": "lost",
+            "user1": "found",
+            "user2": "found",
+            "user3": "found",
+            "user4": "ignored",  # out of range
+            "user5": "ignored",  # without points
+        }
+        assert "1 lost" in scene["title"]
+
+
+def test_the_story_of_a_lost_car(report):
+    (box,) = (box for box in scenes_of(report)[0]["boxes"] if box["id"] == "user0")
+    facts = {name: values for name, *values in box["facts"]}
+    assert facts["LiDAR points"] == ["60", "15"]
+    assert facts["score"] == ["0.60", "no box"]
+    assert facts["IoU in 3D"] == ["1.00", "–"]
+    assert facts["range"] == ["10.4 m"]
+    assert box["lead"].startswith("Found on the clean cloud; on the attacked one no detection")
+
+
+def test_predictions_of_both_clouds(report):
+    boxes = [box for box in scenes_of(report)[0]["boxes"] if box["role"] == "prediction"]
+    counts = {each: sum(box["condition"] == each for box in boxes) for each in ("clean", "attacked", "")}
+    assert counts == {"clean": 4, "attacked": 3, "": 0}
+    assert {box["fate"] for box in boxes} == {"hit"}
+
+
+def test_a_clean_bag_alone(clean, tmp_path):
+    evaluate(clean, out=tmp_path / "report", detector=DETECTOR, frames="0:8", workers=1)
+    scenes = scenes_of(tmp_path / "report")
+    assert scenes
+    for scene in scenes:
+        assert not scene["is_attacked"]
+        assert {box["condition"] for box in scene["boxes"]} == {""}
+        assert scene["title"].endswith("every object found")
+
+
+def test_a_report_without_a_scene(clean, attacked, tmp_path):
+    bag = attacked(hide_first_car, frames=range(3))
+    evaluate(clean, bag, out=tmp_path / "report", detector=DETECTOR, workers=1, scene=False)
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "adv-viewer" not in page
+    assert "THREE" not in page

@@ -1,0 +1,162 @@
+"""The frames of a bag as scenes: points, truth, what was heard, lanes and paths, each at its place."""
+
+import shutil
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.geometry.boxes import MIN_POINTS
+from advpipe.pipeline.labels.clouds import read_point_labels
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.topics import V2X_STATIONS
+from advpipe.stages.view.run import open_scenes
+
+
+@pytest.fixture(scope="module")
+def scenes(dataset):
+    return open_scenes(dataset)
+
+
+def of_role(scene, role):
+    return [box for box in scene.boxes if box.role == role]
+
+
+def centres(boxes):
+    return np.array([box.box[:2] for box in boxes])
+
+
+def test_a_data_set_is_its_clean_bag_with_all_attacks(scenes, dataset):
+    assert len(scenes) == 20
+    assert scenes.names == ("cam", "detach", "gnss")
+    assert scenes.labels[:2] == ["0: 0.00 s", "1: 0.10 s"]
+
+
+def test_touched_points_are_those_of_the_labels(scenes, dataset):
+    labels = {each.frame: each.labels for each in read_point_labels(dataset / "detach" / "labels.parquet")}
+    for index in range(4):
+        scene = scenes.scene(index, scenes.names.index("detach"))
+        assert scene.difference.removed.tolist() == labels[index].point.tolist()
+    before = next(iter(read_frames(dataset / "clean", FrameSlice(3, 4))))
+    assert np.array_equal(scene.clean, before.cloud)
+
+
+def test_a_frame_that_the_attack_left_out_is_the_clean_one(scenes):
+    scene = scenes.scene(4, scenes.names.index("detach"))
+    assert scene.attacked is None
+    assert "no such frame" in scene.note
+    assert scenes.scene(4, None).note == ""
+
+
+def test_the_truth_has_its_stories(scenes, dataset):
+    frame = next(iter(read_frames(dataset / "clean", FrameSlice(7, 8))))
+    truth = of_role(scenes.scene(7, None), "truth")
+    assert [box.id for box in truth] == list(frame.boxes.ids)
+    assert any(int(fact.value) >= MIN_POINTS for box in truth for fact in box.facts if "points" in fact.name)
+    assert {fact.name for fact in truth[0].facts} == {"range", "LiDAR points", "speed", "size"}
+
+
+def test_honest_cams_and_map_entries_lie_on_their_stations(scenes, dataset):
+    """Where the stations truly were, by the bag's own account; a CAM is up to a second old."""
+    reader = BagReader(dataset / "clean")
+    scene = scenes.scene(19, None)
+    true = {box.id: box for box in of_role(scene, "truth")}
+    names = {
+        station.station_id: station.vehicle
+        for _, message in reader.messages(V2X_STATIONS.name)
+        for station in message.stations
+    }
+    for role, least in (("cam", 3), ("ldm", 3)):
+        offsets_m = [
+            np.hypot(*np.subtract(box.box[:2], true[name].box[:2]))
+            for box in of_role(scene, role)
+            if (name := names[int(box.id.split()[1])]) in true
+        ]
+        assert len(offsets_m) >= least
+        assert np.median(offsets_m) < 3
+        assert max(offsets_m) < 16  # a second of a fast car
+
+
+def test_what_an_attack_says_is_apart_from_what_is_true(scenes):
+    attacked = scenes.scene(19, scenes.names.index("cam"))
+    fates = Counter((box.role, box.fate, box.condition) for box in attacked.boxes)
+    assert fates["ldm", "changed", "attacked"] > 0
+    assert fates["ldm", "", "clean"] > 0
+    assert fates["ldm", "", ""] > 0
+    same = scenes.scene(19, scenes.names.index("gnss"))
+    assert not any(box.fate == "changed" for box in of_role(same, "cam"))
+
+
+def test_lanes_and_paths(scenes):
+    scene = scenes.scene(10, scenes.names.index("gnss"))
+    kinds = Counter((line.kind, line.condition) for line in scene.lines)
+    assert kinds["lane", ""] > 3
+    assert kinds["true", ""] == kinds["believed", "clean"] == kinds["believed", "attacked"] == 1
+    paths = {(line.kind, line.condition): line.places for line in scene.lines}
+    now = paths["true", ""][10]  # the vehicle itself, below its LiDAR
+    assert np.hypot(now[0], now[1]) < 3
+    assert now[2] == pytest.approx(-1.8, abs=0.5)
+    clean_m = np.linalg.norm(paths["believed", "clean"] - paths["true", ""], axis=1).max()
+    attacked_m = np.linalg.norm(paths["believed", "attacked"] - paths["true", ""], axis=1).max()
+    assert attacked_m > clean_m + 0.5
+
+
+def test_one_attack_has_its_clean_bag_beside_it(dataset):
+    assert open_scenes(dataset / "gnss").names == ("gnss",)
+    assert open_scenes(dataset / "clean").names == ()
+
+
+def test_a_bag_elsewhere_stands_alone(dataset, tmp_path):
+    alone = shutil.copytree(dataset / "detach", tmp_path / "detach")
+    scenes = open_scenes(alone)
+    assert scenes.names == ()
+    assert len(scenes) == 4
+    assert scenes.scene(0, None).attacked is None
+
+
+def test_a_bag_without_a_map_or_truth(dataset, tmp_path):
+    with BagWriter(tmp_path / "bare", provenance={}) as writer:
+        for raw in BagReader(dataset / "clean").raw_messages(["/ego/lidar/points"]):
+            writer.copy(raw)
+    scene = open_scenes(tmp_path / "bare").scene(3, None)
+    assert len(scene.clean) > 1000
+    assert (scene.boxes, scene.lines) == ((), ())
+
+
+def test_bad_input_is_refused(dataset, tmp_path):
+    with pytest.raises(UsageError, match="does not exist"):
+        open_scenes(tmp_path / "nothing")
+    (tmp_path / "text.mcap").write_text("no bag")
+    with pytest.raises(AdvpipeError, match="not an MCAP file"):
+        open_scenes(tmp_path / "text.mcap")
+    with pytest.raises(UsageError, match="no clouds on /ego/other"):
+        open_scenes(dataset, "/ego/other")
+
+
+def test_a_frame_whose_truth_is_missing_is_named(dataset, tmp_path, scenes):
+    with BagWriter(tmp_path / "bag", provenance={}) as writer:
+        for number, raw in enumerate(BagReader(dataset / "clean").raw_messages()):
+            if raw.topic.name != "/ego/ground_truth/objects" or number > 300:
+                writer.copy(raw)
+    with pytest.raises(AdvpipeError, match="no message of /ego/ground_truth/objects"):
+        open_scenes(tmp_path / "bag").scene(0, None)
+
+
+def test_topics_of_other_types_are_left_out(dataset, tmp_path):
+    """Names of ours in another tool's bag: its messages are none that the viewer knows."""
+    alike = {"/ego/ldm", "/ego/v2x/rx/raw", "/map/lanes", "/ego/odometry"}
+    with BagWriter(tmp_path / "bag", provenance={}) as writer:
+        for raw in BagReader(dataset / "clean").raw_messages():
+            if raw.topic.name in alike:
+                topic = Topic(raw.topic.name, "std_msgs/msg/String")
+                writer.write(topic, build.string("lanes"), raw.log_time_ns)
+            else:
+                writer.copy(raw)
+    scene = open_scenes(tmp_path / "bag").scene(15, None)
+    assert {box.role for box in scene.boxes} == {"truth"}
+    assert {line.kind for line in scene.lines} == {"true"}
