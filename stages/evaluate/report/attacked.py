@@ -13,6 +13,7 @@ from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import of_first_detector
+from advpipe.stages.evaluate.report.effects import effects_section
 from advpipe.stages.evaluate.report.numbers import (
     NOTHING,
     formatted_number,
@@ -36,6 +37,7 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
     if any(summary.result.baselines for summary in attacked):
         yield baselines_section(attacked)
     if attacked:
+        yield effects_section({title_of(each, attacked): each for each in attacked})
         yield success_section(attacked)
         yield change_section(of_first_detector(attacked))
         yield recount_section(attacked)
