@@ -20,7 +20,7 @@ from advpipe.stages.evaluate.coordinated.effects import Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.pictures import picture_of
 from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 FORMULAS = (
@@ -67,8 +67,9 @@ def coordinated_sections(
                 outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in found_effects]
             records.append(_record(name, vehicle, timelines, found_effects, span_ns, start_ns))
             caption = f"{name}: the attacks on {vehicle} and their effects"
-            png = to_png(draw_coordinated(timelines, found_effects, span_ns, start_ns))
-            pictures.append(ReportPicture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
+            figure = draw_coordinated(timelines, found_effects, span_ns, start_ns)
+            file_name = f"{name}-{vehicle}-coordinated.png"
+            pictures.append(picture_of(SECTION, name, file_name, caption, figure))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
     names = [bag_name(bag) for bag in apart if _has_several_families(bag)]
     if window != WHOLE_DRIVE and names:

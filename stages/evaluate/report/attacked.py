@@ -85,7 +85,7 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
         "Against plain random baselines of equal budget",
         "Δ: the attack's mAP ratio minus the baseline's, in percentage points, drawn together; the attack is "
         f"significantly stronger if the 95 % interval of Δ lies below 0. {RANDOM_BEST}",
-        (Table("", heads, tuple(lines)),),
+        (Table("mAP ratio at strict overlap of each attack and random baseline", heads, tuple(lines)),),
         records=tuple(
             _baseline_record(summary.result, name)
             for summary in summaries
@@ -140,7 +140,8 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
                     formatted_number(random.new_false_positives if random else None, 0),
                 )
             )
-        tables.append(Table(title_of(summary, summaries), heads, tuple(lines)))
+        title = f"Objects lost and new false positives: {title_of(summary, summaries)}"
+        tables.append(Table(title, heads, tuple(lines)))
     return ReportSection(
         "attack_success",
         "Attack success by class and range",
@@ -164,7 +165,8 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
         changed = {"attacked": summary.result.attacked}
         changed |= {baseline_title(name): each.metrics for name, each in summary.result.baselines.items()}
         lines = tuple(_change_line(name, each) for name, each in changed.items() if each)
-        tables.append(Table(title_of(summary, summaries), heads, lines))
+        title = f"Changes of the clouds: {title_of(summary, summaries)}"
+        tables.append(Table(title, heads, lines))
     return ReportSection(
         "changes",
         "Changes of the clouds",
@@ -222,7 +224,7 @@ def recount_section(summaries: Sequence[Summary]) -> ReportSection:
         "All other tables count the objects of the clean clouds. Recounted, objects with too few points left "
         "no longer count, and others may count instead. The mAP ratio is at strict overlap; lost objects, "
         "and attack success, their share of the objects found, are at loose overlap and the working score.",
-        (Table("", heads, tuple(lines)),),
+        (Table("Objects of the clean clouds, and recounted on the attacked ones", heads, tuple(lines)),),
     )
 
 
@@ -266,7 +268,7 @@ def defences_section(summaries: Sequence[Summary]) -> ReportSection:
         "takes it into account. Kept: mAP on clean clouds under the defence, in percent of the mAP without "
         "it. Ratio: mAP on attacked clouds in percent of that on clean clouds, both under the defence. Last "
         "column: mAP on attacked clouds under the defence, in percent of that on clean clouds without it.",
-        (Table("", heads, tuple(lines)),),
+        (Table("Each attack under each defence", heads, tuple(lines)),),
         records=tuple(each for summary in summaries for each in summary.defended),
     )
 

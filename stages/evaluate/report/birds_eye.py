@@ -142,7 +142,9 @@ def _draw_changes(axes: Axes, scene: ReportScene, view: CloudView, area: float) 
     )  # fmt: skip
     for indices, colour in ((scene.change.added, ADDED), (scene.change.moved, MOVED)):
         points = xyz(view.cloud[indices])
-        axes.scatter(points[:, 1], points[:, 0], color=colour, s=area * 4.5, linewidths=0, zorder=3)
+        axes.scatter(
+            points[:, 1], points[:, 0], color=colour, s=area * 4.5, linewidths=0, zorder=3, rasterized=True
+        )
 
 
 def _draw_frame_of(axes: Axes, limits: Limits) -> None:
