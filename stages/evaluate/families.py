@@ -7,12 +7,16 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
 from advpipe.stages.evaluate.cooperative.section import cooperative_sections as cooperative
+from advpipe.stages.evaluate.coordinated.effects import DetectedFrames
 from advpipe.stages.evaluate.coordinated.section import coordinated_sections as coordinated
+from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.localisation.section import localisation_sections as localisation
 from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.section import Family, ReportSection
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
 
@@ -23,13 +27,16 @@ OF_WINDOW = (
 )
 
 
-def families(clean: Path, options: Options) -> tuple[tuple[Family, str], ...]:
+def families(
+    clean: Path, options: Options, summaries: Sequence[Summary] = ()
+) -> tuple[tuple[Family, str], ...]:
     """What the families of attacks add besides detection, and what to note on the time that they look at.
 
     A family adds no section where it has nothing to say. Raises AdvpipeError for frames that choose none.
     """
     window = window_of(BagReader(clean), options.frames, options.lidar_topic)
-    timed = [partial(family, window=window) for family in (coordinated, localisation, v2x)]
+    seen = partial(coordinated, detected=_detected(clean, options, summaries))
+    timed = [partial(family, window=window) for family in (seen, localisation, v2x)]
     fused = partial(
         cooperative,
         detector=options.detectors[0],
@@ -42,10 +49,24 @@ def families(clean: Path, options: Options) -> tuple[tuple[Family, str], ...]:
     return (*((family, note) for family in timed), (fused, ""))
 
 
-def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[ReportSection]:
+def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> dict[Path, DetectedFrames]:
+    """What the first detector found in the clouds of each adversarial bag that it was shown."""
+    if not summaries:
+        return {}
+    vehicle = find_lidar_topic(BagReader(clean), options.lidar_topic).strip("/").partition("/")[0]
+    return {
+        each.comparison.bag: DetectedFrames(vehicle, each.per_frame)
+        for each in of_first_detector(summaries)
+        if each.comparison.bag
+    }
+
+
+def added_sections(
+    clean: Path, adversarial: Sequence[Path], options: Options, summaries: Sequence[Summary] = ()
+) -> list[ReportSection]:
     """What all families add; where frames were chosen, with a note on the time of each part."""
     sections: list[ReportSection] = []
-    for family, note in families(clean, options):
+    for family, note in families(clean, options, summaries):
         noted = (note,) if note else ()
         sections += [
             replace(each, notes=(*each.notes, *noted)) for each in family(clean, adversarial, options.seed)

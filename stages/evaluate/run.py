@@ -74,7 +74,7 @@ def evaluate(
             for name, model in models.items()
             for summary in _score(bags, name, model, options, workers)
         ]
-        sections = [*attacked_sections(summaries), *added_sections(clean, adversarial, options)]
+        sections = [*attacked_sections(summaries), *added_sections(clean, adversarial, options, summaries)]
         if not models and any(section.key == COOPERATIVE for section in sections):
             first = options.detectors[0]  # it looked for that section alone
             models = {first: load_detector(first, options.device)}

@@ -47,8 +47,8 @@ def _headlines(report: Report) -> Iterator[Headline]:
 def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
     drive = report.origin.clean.scenario or report.origin.clean.bag
     attacked = [row for row in report.results if row.attacked]
-    names = list(dict.fromkeys(attack_name(row.attack) for row in attacked))
-    names += [name for headline in headlines for name in headline.attacks if name not in names]
+    others = [name for headline in headlines for name in headline.attacks]
+    names = list(dict.fromkeys([*(attack_name(row.attack) for row in attacked), *others]))
     if not names:
         detectors = ", ".join(each.name for each in report.origin.detectors)
         return f"What detector {detectors} finds on the drive {drive}" if detectors else f"The drive {drive}"
@@ -62,7 +62,7 @@ def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
 def _about(report: Report) -> str:
     """The detectors, the bags and the frames."""
     parts = [f"clean bag {report.origin.clean.bag}"]
-    compared = [each.bag for each in report.origin.compared]
+    compared = [each.bag for each in report.origin.compared if each.sha256 != report.origin.clean.sha256]
     if 0 < len(compared) <= MOST_NAMES:
         parts.append(f"adversarial bag{'s' if len(compared) > 1 else ''} {', '.join(compared)}")
     elif compared:
@@ -120,10 +120,15 @@ def _v2x_headline(records: list[V2xRecord], report: Report) -> Headline:
     before = clean[worst.vehicle].ldm if worst.vehicle in clean else None
     wrong = worst.ldm.false_entries + worst.ldm.missing + worst.ldm.displaced
     wrong_clean = before.false_entries + before.missing + before.displaced if before else float("nan")
-    verdict = (
-        f"Of the {worst.false_messages:,} false messages that attack {worst.attack} makes vehicles receive, "
+    flagged = (
+        f"Of the {worst.false_messages:,} false messages that vehicles receive from attack {worst.attack}, "
         f"the receivers' checks flag {_percent(worst.ours.recall)} (baseline: "
-        f"{_percent(worst.baseline.recall)}). {worst.vehicle}'s Local Dynamic Map holds "
+        f"{_percent(worst.baseline.recall)})."
+        if worst.false_messages
+        else "No instrumented vehicle receives a false message here."
+    )
+    verdict = (
+        f"{flagged} {worst.vehicle}'s Local Dynamic Map holds "
         f"{_number(wrong, 1)} wrong entries in the mean, in the clean drive {_number(wrong_clean, 1)}."
     )
     cards = (

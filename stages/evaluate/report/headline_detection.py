@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from advpipe.pipeline.results.metrics import CleanMeans
 from advpipe.pipeline.results.records import EffectRecord
 from advpipe.pipeline.results.row import FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
-from advpipe.stages.evaluate.detection.effect import ALL
+from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
 from advpipe.stages.evaluate.report.headline_parts import Card, Headline
 from advpipe.stages.evaluate.report.numbers import (
     NO_INTERVAL,
@@ -42,10 +43,15 @@ def detection_headline(report: Report) -> Headline:
     effects = _effects_of(report, row)
     attack = _of(effects, "adv")
     rows = [each for each in report.results if each.attacked]
-    cards = (
-        _ratio_card("mAP ratio, strict", row, effects, "strict", lambda each: each.map_ratio_percent),
-        _ratio_card("mAP ratio, loose", row, effects, "loose", lambda each: each.map_loose_ratio_percent),
+    found = (
+        _ratio_card("mAP ratio, strict", row, effects, "strict", _strict_ratio),
+        _ratio_card("mAP ratio, loose", row, effects, "loose", _loose_ratio),
         _lost_card(row, attack, effects),
+    )
+    over_attacked = [each for each in _effects_of(report, row, ATTACKED) if each.condition == "adv"]
+    cards = tuple(
+        _with_attacked_frames(card, value, over_attacked)
+        for card, value in zip(found, (_strict_ratio, _loose_ratio, _lost_share), strict=True)
     )
     table = _table(report, rows) if len(rows) > 1 else None
     return Headline(_verdict(row, attack, effects, len(rows)), cards, table, "attack_effects")
@@ -77,6 +83,27 @@ def clean_headline(row: ResultRow) -> Headline:
     return Headline(verdict, cards, section="clean")
 
 
+def _strict_ratio(each: EffectRecord) -> float:
+    return each.map_ratio_percent
+
+
+def _loose_ratio(each: EffectRecord) -> float:
+    return each.map_loose_ratio_percent
+
+
+def _lost_share(each: EffectRecord) -> float:
+    return each.lost_percent
+
+
+def _with_attacked_frames(card: Card, value: Value, records: Sequence[EffectRecord]) -> Card:
+    """The card with the value over the attacked frames alone, where the attack left some alone."""
+    if not records:
+        return card
+    (record,) = records
+    text = f"over the {record.frame_count:,} attacked frames alone: {_percent(value(record))}"
+    return replace(card, attacked=text)
+
+
 def _effects_of(report: Report, row: ResultRow, frames: str = ALL) -> list[EffectRecord]:
     about = (row.bag, row.detector, frames)
     return [each for each in report.listed(EffectRecord) if (each.bag, each.detector, each.frames) == about]
@@ -104,8 +131,8 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
         f"{subject} leaves the detector {_percent(attack.map_ratio_percent)} of its average precision at "
         f"strict overlap and {_percent(attack.map_loose_ratio_percent)} at loose overlap"
     )
-    if strongest := _strongest(effects, lambda each: each.map_ratio_percent):
-        loose = _strongest(effects, lambda each: each.map_loose_ratio_percent)
+    if strongest := _strongest(effects, _strict_ratio):
+        loose = _strongest(effects, _loose_ratio)
         text += f"; {_name(strongest, row)} of the same budget leaves {_percent(strongest.map_ratio_percent)}"
         text += f" and {_percent(loose.map_loose_ratio_percent)}" if loose else ""
     return text + "."
@@ -188,8 +215,8 @@ def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
         effects = _effects_of(report, row)
         attack = _of(effects, "adv")
         values: tuple[Value, ...] = (
-            lambda each: each.map_ratio_percent,
-            lambda each: each.map_loose_ratio_percent,
+            _strict_ratio,
+            _loose_ratio,
             lambda each: -each.lost_percent,
         )
         strongest = [(_strongest(effects, value), value) for value in values]

@@ -10,7 +10,8 @@ from advpipe.stages.evaluate.report.section import Table
 @dataclass(frozen=True)
 class Card:
     """One of the main values. interval: its 95 % interval, or why there is none; beside: what it is compared
-    with; term: name of the definition that it is linked with."""
+    with; attacked: the value over the attacked frames alone, where these are not all; term: name of the
+    definition that it is linked with."""
 
     title: str
     value: str
@@ -18,6 +19,7 @@ class Card:
     beside: str = ""
     meaning: str = ""
     term: str = ""
+    attacked: str = ""
 
 
 @dataclass(frozen=True)
