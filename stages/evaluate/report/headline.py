@@ -47,14 +47,18 @@ def _headlines(report: Report) -> Iterator[Headline]:
 def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
     drive = report.origin.clean.scenario or report.origin.clean.bag
     attacked = [row for row in report.results if row.attacked]
-    others = [name for headline in headlines for name in headline.attacks]
+    bags = {row.bag for row in attacked}
+    others = [name for headline in headlines for name in headline.attacks if name not in bags]
     names = list(dict.fromkeys([*(attack_name(row.attack) for row in attacked), *others]))
     if not names:
         detectors = ", ".join(each.name for each in report.origin.detectors)
         return f"What detector {detectors} finds on the drive {drive}" if detectors else f"The drive {drive}"
-    shown = f"{len(names)} attacks" if len(names) > MOST_NAMES else ", ".join(names)
-    title = f"Attack {shown}" if len(names) == 1 else shown
-    if len(attacked) == 1 and len(names) == 1 and (done := changed_points(attacked[0])):
+    *first, last = (headline.target for headline in headlines)
+    targets = f"{', '.join(first)} and {last}" if first else last
+    title = f"{len(names)} attacks on {targets}" if len(names) > 1 else f"Attack {names[0]}"
+    if len(names) == 1 and len(headlines) > 1:
+        title = f"Coordinated attack on {targets}: {names[0].partition(',')[0].replace('+', ' + ')}"
+    elif len(attacked) == 1 and len(names) == 1 and (done := changed_points(attacked[0])):
         title += f": {done.passive}"
     return f"{title}, drive {drive}"
 
@@ -81,7 +85,7 @@ def _localisation_headline(records: list[LocalisationRecord]) -> Headline:
     worst = max(known, key=lambda each: each.adversarial.max_m)
     clean, attacked = worst.clean, worst.adversarial
     verdict = (
-        f"GPS attack {worst.bag} puts {worst.vehicle}'s position estimate up to "
+        f"Attack {worst.bag} puts {worst.vehicle}'s position estimate up to "
         f"{_number(attacked.max_m, 1)} m off, {_number(attacked.mean_m, 1)} m in the mean; in the clean "
         f"drive it is up to {_number(clean.max_m, 1)} m off. The innovation test flags "
         f"{_number(100 * worst.detection_rate, 0)} % of the attacked fixes."
@@ -109,7 +113,9 @@ def _localisation_headline(records: list[LocalisationRecord]) -> Headline:
         for each in records
     )
     table = Table("Localisation under each GPS attack", heads, lines) if len(records) > 1 else None
-    return Headline(verdict, cards, table, "localisation", tuple(dict.fromkeys(each.bag for each in records)))
+    return Headline(
+        verdict, cards, table, "localisation", "GPS", tuple(dict.fromkeys(each.bag for each in records))
+    )
 
 
 def _v2x_headline(records: list[V2xRecord], report: Report) -> Headline:
@@ -165,7 +171,9 @@ def _v2x_headline(records: list[V2xRecord], report: Report) -> Headline:
         for each in records
     )
     table = Table("False messages of each attack", heads, lines) if len(records) > 1 else None
-    return Headline(verdict, cards, table, "v2x", tuple(dict.fromkeys(each.bag for each in records)))
+    return Headline(
+        verdict, cards, table, "v2x", "V2X messages", tuple(dict.fromkeys(each.bag for each in records))
+    )
 
 
 def _number(value: float, digits: int) -> str:

@@ -54,7 +54,7 @@ def detection_headline(report: Report) -> Headline:
         for card, value in zip(found, (_strict_ratio, _loose_ratio, _lost_share), strict=True)
     )
     table = _table(report, rows) if len(rows) > 1 else None
-    return Headline(_verdict(row, attack, effects, len(rows)), cards, table, "attack_effects")
+    return Headline(_verdict(row, attack, effects, len(rows)), cards, table, "attack_effects", "LiDAR clouds")
 
 
 def clean_headline(row: ResultRow) -> Headline:
@@ -123,8 +123,9 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
     done = changed_points(row)
     subject = done.active if done else f"Attack {attack_title(row.attack)}"
     if attack_count > 1:
-        title = f"The strongest of {attack_count} attacks, {attack_title(row.attack)}"
-        subject = f"{title}: {subject[0].lower()}{subject[1:]}" if done else title
+        title = attack_title(row.attack)
+        subject = f"{subject[0].lower()}{subject[1:]} ({title})" if done else title
+        subject = f"The strongest of {attack_count} attacks on the clouds: {subject}"
     if row.clean.means["strict"].map_r40 == 0:
         return f"{subject}: the mAP ratio is {UNDEFINED_RATIO}."
     text = (

@@ -25,10 +25,12 @@ class Card:
 @dataclass(frozen=True)
 class Headline:
     """What one family of attacks did. table: one line an attack, where there are several. section: the id of
-    the part of the page that tells more. attacks: their names, as a title lists them."""
+    the part of the page that tells more. target: what they change. attacks: their names, as a title
+    lists them."""
 
     verdict: str
     cards: tuple[Card, ...]
     table: Table | None = None
     section: str = ""
+    target: str = ""
     attacks: tuple[str, ...] = ()

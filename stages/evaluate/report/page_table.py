@@ -79,7 +79,7 @@ def _term(head: str, formulas: Mapping[str, str]) -> str:
     for name in formulas:
         if word in [each.strip() for each in name.lower().split(",")]:
             return name
-    for candidate in (TERMS.get(word), TERMS.get(word.partition(":")[0])):
+    for candidate in (TERMS.get(word), TERMS.get(word.partition(":")[0].partition(",")[0])):
         if candidate in formulas:
             return str(candidate)
     return ""
