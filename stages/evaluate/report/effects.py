@@ -19,7 +19,7 @@ from advpipe.stages.evaluate.report.section import ReportSection, Table
 from advpipe.stages.evaluate.report.wording import OVERLAPS
 
 HEADS = (
-    *("attack", "points", "frames", "mAP ratio, strict %", "mAP ratio, loose %"),
+    *("attack", "condition", "frames", "mAP ratio, strict %", "mAP ratio, loose %"),
     *("lost", "lost %", "displaced", "displaced %"),
 )
 

@@ -30,6 +30,8 @@ class FirstScreen:
 def first_screen(report: Report) -> FirstScreen:
     """What a reader sees first; the clean results only where nothing was attacked."""
     headlines = tuple(_headlines(report))
+    if not headlines and report.results:
+        headlines = (clean_headline(report.results[0]),)
     return FirstScreen(_title(report, headlines), _about(report), headlines)
 
 
@@ -40,8 +42,6 @@ def _headlines(report: Report) -> Iterator[Headline]:
         yield _localisation_headline(positions)
     if drives := [each for each in report.listed(V2xRecord) if each.attack]:
         yield _v2x_headline(drives, report)
-    if not report.sections and report.results:
-        yield clean_headline(report.results[0])
 
 
 def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
@@ -66,7 +66,7 @@ def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
 def _about(report: Report) -> str:
     """The detectors, the bags and the frames."""
     parts = [f"clean bag {report.origin.clean.bag}"]
-    compared = [each.bag for each in report.origin.compared if each.sha256 != report.origin.clean.sha256]
+    compared = [each.bag for each in report.origin.compared if each.sha256]
     if 0 < len(compared) <= MOST_NAMES:
         parts.append(f"adversarial bag{'s' if len(compared) > 1 else ''} {', '.join(compared)}")
     elif compared:

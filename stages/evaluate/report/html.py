@@ -48,7 +48,7 @@ def write_html(
     viewer: str = "",
 ) -> None:
     """Write report.html: tables, pictures, formulas and provenance; viewer: HTML of frames in 3D, or none."""
-    own, attacked = of_first_detector(summaries), any(summary.comparison.bag for summary in summaries)
+    own, first = of_first_detector(summaries), first_screen(report)
     cleans = distinct_clean(own)
     sections = [_attack_section(summary, pictures) for summary in own if summary.comparison.bag]
     clean_sections = [_clean_section(summary, pictures, len(cleans)) for summary in cleans]
@@ -58,9 +58,9 @@ def write_html(
         TEMPLATE.read_text(encoding="utf-8"),
         {"shown": partial(shown_table, formulas=report.formulas), "anchor": _anchor},
         css=Markup(STYLE.read_text(encoding="utf-8")),
-        first=first_screen(report),
+        first=first,
         contents=_contents(report, sections, clean_sections, overview, viewer),
-        is_attacked=attacked or bool(report.sections),
+        is_clean=any(headline.section == "clean" for headline in first.headlines),
         lines=results_table(report),
         notes=table_notes(report),
         warnings=report.warnings,

@@ -13,7 +13,7 @@ TERMS: Mapping[str, str] = {
     "map": "map", "ratio": "map_ratio", "map ratio": "map_ratio", "map ratio, strict": "map_ratio",
     "map ratio, loose": "iou", "strict": "iou", "loose": "iou", "95": "interval", "car ap": "ap", "r11": "ap",
     "cd": "chamfer", "lost": "lost", "displaced": "displaced", "success": "attack_success",
-    "new fp": "attack_success", "significant": "significant_vs_random", "points": "baseline",
+    "new fp": "attack_success", "significant": "significant_vs_random",
     "baseline's map ratio": "baseline", "δ to baseline, points": "baseline", "defence": "defence",
     "kept": "defence", "objects, recounted": "recounted", "random baseline": "baseline",
     "plain random baseline": "baseline", "f1": "F1, MCC", "mcc": "F1, MCC", "bird's-eye": "iou",
