@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
-DEMO_FRAMES ?= ::10
+DEMO_FRAMES ?= ::5
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
 # PyTorch's index has a CPU build for Linux, 4.5 GB smaller than PyPI's CUDA build, which an empty TORCH_INDEX=
@@ -13,7 +13,7 @@ TORCH := $(shell sed -n '/^torch==/p' constraints.txt)
 # Without --no-compile, pip compiles all modules to 0.5 GB of bytecode; Python compiles only those it imports.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: install demo test wheel-test nightly fuzz lint format checkpoint docs viewer clean
+.PHONY: install demo sample test wheel-test nightly fuzz lint format checkpoint docs viewer clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -36,10 +36,21 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(BIN)/python -m advpipe.pipeline.core.missing_library
 	@touch $@
 
+# All three stages on eight clouds of a map that the detector has not seen: two minutes on two cores.
 demo: $(INSTALLED)
-	$(BIN)/advpipe simulate district --overwrite
-	$(BIN)/advpipe attack datasets/district --type detach --ratio 0.01 --frames $(DEMO_FRAMES) --overwrite
-	$(BIN)/advpipe evaluate datasets/district --baseline-tries 5 --overwrite
+	$(BIN)/advpipe simulate district --set simulation.duration_s=4 --out datasets/demo --overwrite
+	$(BIN)/advpipe attack datasets/demo --type detach --ratio 1% --frames $(DEMO_FRAMES) --overwrite
+	$(BIN)/advpipe evaluate datasets/demo --baseline-tries 2 --overwrite
+	@echo "open:  $(CURDIR)/datasets/demo/reports/small/report.html"
+	@echo "next:  $(BIN)/advpipe attacks                                      (what else there is)"
+	@echo "       $(BIN)/advpipe attack datasets/demo --type attach --frames $(DEMO_FRAMES)"
+
+# The data set that comes with advpipe: the same bytes of the same versions on the same machine, but for the
+# report's times.
+sample: $(INSTALLED)
+	$(BIN)/advpipe run sample --out build/sample --overwrite
+	cp build/sample/scenario.yaml build/sample/reports/small/report.html sample/
+	cp build/sample/clean/clean_0.mcap build/sample/clean/metadata.yaml sample/clean/
 
 test: $(INSTALLED) lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not nightly" tests

@@ -6,8 +6,9 @@
 >>> advpipe.evaluate(drive, detached).to_pandas()
 
 The functions are the commands of `advpipe --help`, with the same names, defaults and units. Beside them are
-the protocols and base classes for attacks, detectors, sensors and back ends of your own. Importing advpipe
-loads nothing heavy: a name is loaded when it is first used.
+the protocols and base classes for attacks, defences, detectors, sensors and back ends of your own, and what
+these need; `advpipe.networks` has the parts of detectors that `train` trains. Importing advpipe loads nothing
+heavy: a name is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -24,21 +25,41 @@ if TYPE_CHECKING:
     from advpipe.commands.train import train as train
     from advpipe.commands.verify import verify as verify
     from advpipe.pipeline.bag.frames import Frame as Frame
+    from advpipe.pipeline.bag.reader import BagReader as BagReader
     from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
     from advpipe.pipeline.core.errors import AdvpipeError as AdvpipeError
     from advpipe.pipeline.core.errors import UsageError as UsageError
     from advpipe.pipeline.core.seeding import named_generator as named_generator
+    from advpipe.pipeline.defences.base import Defence as Defence
+    from advpipe.pipeline.defences.base import DefendedCloud as DefendedCloud
+    from advpipe.pipeline.defences.base import Placement as Placement
+    from advpipe.pipeline.detector.protocol import BatchDetector as BatchDetector
     from advpipe.pipeline.detector.protocol import Detections as Detections
     from advpipe.pipeline.detector.protocol import ObjectDetector as ObjectDetector
     from advpipe.pipeline.detector.protocol import Range as Range
+    from advpipe.pipeline.detector.protocol import VoxelDetector as VoxelDetector
+    from advpipe.pipeline.detector.registry import load_detector as load_detector
     from advpipe.pipeline.geometry.boxes import BOX_COLUMNS as BOX_COLUMNS
     from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
     from advpipe.pipeline.geometry.boxes import Boxes as Boxes
+    from advpipe.pipeline.geometry.transforms import se3_from_yaw as se3_from_yaw
+    from advpipe.pipeline.labels.cloud_quantity import CloudQuantity as CloudQuantity
     from advpipe.pipeline.labels.points import PointLabels as PointLabels
+    from advpipe.pipeline.localisation.estimate import Estimate as Estimate
+    from advpipe.pipeline.localisation.geodesy import Geodesy as Geodesy
+    from advpipe.pipeline.mcap.channel import Topic as Topic
+    from advpipe.pipeline.mcap.qos import keep_last as keep_last
+    from advpipe.pipeline.messages.build import message_header as message_header
     from advpipe.pipeline.messages.cloud import POINT_DTYPE as POINT_DTYPE
+    from advpipe.pipeline.messages.types import message_class as message_class
+    from advpipe.pipeline.messages.types import serialise as serialise
+    from advpipe.pipeline.messages.v2x import RadioPlace as RadioPlace
+    from advpipe.pipeline.replay.v2x_drive import V2xDrive as V2xDrive
     from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
     from advpipe.pipeline.scenario.load import load_scenario as load_scenario
     from advpipe.pipeline.scenario.models import Scenario as Scenario
+    from advpipe.pipeline.sensors.registry import SENSORS as SENSORS
+    from advpipe.pipeline.sensors.sensor import Cadence as Cadence
     from advpipe.pipeline.sensors.sensor import DriveSettings as DriveSettings
     from advpipe.pipeline.sensors.sensor import Instant as Instant
     from advpipe.pipeline.sensors.sensor import MountedSection as MountedSection
@@ -47,7 +68,16 @@ if TYPE_CHECKING:
     from advpipe.pipeline.sensors.sensor import Panel as Panel
     from advpipe.pipeline.sensors.sensor import Reading as Reading
     from advpipe.pipeline.sensors.sensor import Sensor as Sensor
+    from advpipe.pipeline.sensors.world import Hits as Hits
+    from advpipe.pipeline.sensors.world import Surroundings as Surroundings
+    from advpipe.pipeline.v2x.channel import Received as Received
     from advpipe.pipeline.v2x.channel import Sent as Sent
+    from advpipe.pipeline.v2x.codec.codec import decode_cam_tree as decode_cam_tree
+    from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms as generation_delta_time_ms
+    from advpipe.pipeline.v2x.facilities.cam import Cam as Cam
+    from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam as encode_cam
+    from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot as LdmSnapshot
+    from advpipe.pipeline.v2x.facilities.ldm import Verdict as Verdict
     from advpipe.stages.attack.gnss.base import GnssAttack as GnssAttack
     from advpipe.stages.attack.gnss.base import GnssTraits as GnssTraits
     from advpipe.stages.attack.gnss.base import Spoofer as Spoofer
@@ -71,11 +101,16 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.v2x.falsification import OwnMessage as OwnMessage
     from advpipe.stages.attack.v2x.falsification import PositionFalsification as PositionFalsification
     from advpipe.stages.evaluate.report.report import Report as Report
+    from advpipe.stages.simulate.bodies import Variant as Variant
     from advpipe.stages.simulate.network.protocol import Network as Network
     from advpipe.stages.simulate.network.protocol import NetworkStep as NetworkStep
+    from advpipe.stages.simulate.road_network.network import RoadNetwork as RoadNetwork
+    from advpipe.stages.simulate.road_network.roads import Roads as Roads
+    from advpipe.stages.simulate.road_network.roads import lay_out_roads as lay_out_roads
     from advpipe.stages.simulate.run import SimulationSummary as SimulationSummary
     from advpipe.stages.simulate.traffic.protocol import TrafficSource as TrafficSource
     from advpipe.stages.simulate.traffic.road_users import RoadUser as RoadUser
+    from advpipe.stages.simulate.traffic.road_users import boxes_of as boxes_of
     from advpipe.stages.simulate.world.protocol import World as World
     from advpipe.stages.train.run import TrainSummary as TrainSummary
     from advpipe.stages.verify.result import Verification as Verification
@@ -91,21 +126,42 @@ _NAMES_OF = {
     "commands.train": ("train",),
     "commands.verify": ("verify",),
     "pipeline.bag.frames": ("Frame",),
+    "pipeline.bag.reader": ("BagReader",),
     "pipeline.campaigns.sweep.run": ("SweepReport",),
     "pipeline.core.errors": ("AdvpipeError", "UsageError"),
     "pipeline.core.seeding": ("named_generator",),
-    "pipeline.detector.protocol": ("Detections", "ObjectDetector", "Range"),
-    "pipeline.geometry.boxes": ("BOX_COLUMNS", "CLASSES", "Boxes"),
+    "pipeline.defences.base": ("Defence", "DefendedCloud", "Placement"),
+    "pipeline.detector.protocol": (
+        *("BatchDetector", "Detections", "ObjectDetector", "Range", "VoxelDetector"),
+    ),
+    "pipeline.detector.registry": ("load_detector",),
+    "pipeline.geometry.boxes": ("BOX_COLUMNS", "Boxes", "CLASSES"),
+    "pipeline.geometry.transforms": ("se3_from_yaw",),
+    "pipeline.labels.cloud_quantity": ("CloudQuantity",),
     "pipeline.labels.points": ("PointLabels",),
+    "pipeline.localisation.estimate": ("Estimate",),
+    "pipeline.localisation.geodesy": ("Geodesy",),
+    "pipeline.mcap.channel": ("Topic",),
+    "pipeline.mcap.qos": ("keep_last",),
+    "pipeline.messages.build": ("message_header",),
     "pipeline.messages.cloud": ("POINT_DTYPE",),
-    "pipeline.replay.v2x_drive": ("V2xStep",),
+    "pipeline.messages.types": ("message_class", "serialise"),
+    "pipeline.messages.v2x": ("RadioPlace",),
+    "pipeline.replay.v2x_drive": ("V2xDrive", "V2xStep"),
     "pipeline.scenario.load": ("load_scenario",),
     "pipeline.scenario.models": ("Scenario",),
+    "pipeline.sensors.registry": ("SENSORS",),
     "pipeline.sensors.sensor": (
-        *("DriveSettings", "Instant", "MountedSection", "MountedSensor", "OnBoardSensor", "Panel", "Reading"),
-        "Sensor",
+        *("Cadence", "DriveSettings", "Instant", "MountedSection", "MountedSensor", "OnBoardSensor"),
+        *("Panel", "Reading", "Sensor"),
     ),
-    "pipeline.v2x.channel": ("Sent",),
+    "pipeline.sensors.world": ("Hits", "Surroundings"),
+    "pipeline.v2x.channel": ("Received", "Sent"),
+    "pipeline.v2x.codec.codec": ("decode_cam_tree",),
+    "pipeline.v2x.codec.timestamps": ("generation_delta_time_ms",),
+    "pipeline.v2x.facilities.cam": ("Cam",),
+    "pipeline.v2x.facilities.cam_tree": ("encode_cam",),
+    "pipeline.v2x.facilities.ldm": ("LdmSnapshot", "Verdict"),
     "stages.attack.gnss.base": ("GnssAttack", "GnssTraits", "Spoofer", "SpoofingContext"),
     "stages.attack.lidar.base": (
         *("Budget", "LidarAttack", "LidarResult", "LidarTraits", "PublishedFigure", "unchanged"),
@@ -114,12 +170,15 @@ _NAMES_OF = {
     "stages.attack.summary": ("AttackSummary",),
     "stages.attack.v2x.base": ("AttackContext", "V2xAttack", "V2xTraits"),
     "stages.attack.v2x.cams": ("field_of", "with_fields"),
-    "stages.attack.v2x.falsification": ("Falsification", "PositionFalsification", "OwnMessage"),
+    "stages.attack.v2x.falsification": ("Falsification", "OwnMessage", "PositionFalsification"),
     "stages.evaluate.report.report": ("Report",),
-    "stages.simulate.network.protocol": ("NetworkStep", "Network"),
+    "stages.simulate.network.protocol": ("Network", "NetworkStep"),
+    "stages.simulate.bodies": ("Variant",),
+    "stages.simulate.road_network.network": ("RoadNetwork",),
+    "stages.simulate.road_network.roads": ("Roads", "lay_out_roads"),
     "stages.simulate.run": ("SimulationSummary",),
     "stages.simulate.traffic.protocol": ("TrafficSource",),
-    "stages.simulate.traffic.road_users": ("RoadUser",),
+    "stages.simulate.traffic.road_users": ("RoadUser", "boxes_of"),
     "stages.simulate.world.protocol": ("World",),
     "stages.train.run": ("TrainSummary",),
     "stages.verify.result": ("Verification",),

@@ -10,6 +10,7 @@ import sys
 
 
 def main() -> None:
+    """Run the command line."""
     from advpipe.pipeline.core import signals, streams
 
     signals.install()

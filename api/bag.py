@@ -27,10 +27,12 @@ CAM_DTYPE = np.dtype(
         *((name, "f8") for name in QUANTITIES),
     ]
 )
-"""What a vehicle's CAM says; NaN for what it leaves out or calls unavailable."""
+"""The values of a vehicle's CAM; NaN for those that it omits or marks as unavailable."""
 
-RECEIVED_CAM_DTYPE = np.dtype([*CAM_DTYPE.descr, ("power_dbm", "f8"), ("sinr_db", "f8")])
-"""The same for a received CAM, with its power and SINR; NaN where the bag does not record them."""
+RECEIVED_CAM_DTYPE = np.dtype([*CAM_DTYPE.descr, ("power_dbm", "f8"), ("sinr_db", "f8"), ("number", "i8")])
+"""The same for a received CAM, with its power and SINR, and the number of the sent message that it truly was:
+ground truth, by which `v2x_labels.parquet` names messages too. NaN and -1 where the bag does not record them.
+"""
 
 FIX_DTYPE = np.dtype(
     [("stamp_ns", "i8"), ("latitude_deg", "f8"), ("longitude_deg", "f8"), ("altitude_m", "f8")]
@@ -54,10 +56,10 @@ def open_bag(path: PathLike) -> Bag:
 
 
 class Bag:
-    """A recorded drive. Nothing stays open between calls, and frames are read one at a time.
+    """A recorded drive. No file stays open between calls, and frames are read one at a time.
 
-    All stamps are nanoseconds since 1970. What is damaged raises AdvpipeError, one line with the file's name,
-    where it is read.
+    All stamps are nanoseconds since 1970. Damaged parts raise AdvpipeError, one line with the file's name,
+    when they are read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,7 +101,7 @@ class Bag:
     def cams(self, vehicle: str = "ego") -> Table:
         """The CAMs that a vehicle received, by arrival (K,): a structured array of `RECEIVED_CAM_DTYPE`.
 
-        stamp_ns: of the arrival. Messages that are no vehicle's CAM are left out. Raises UsageError for a
+        stamp_ns: of the arrival. Messages that are not a vehicle's CAM are left out. Raises UsageError for a
         vehicle that received nothing.
         """
         known = receiving_vehicles(self._reader)
@@ -108,9 +110,9 @@ class Bag:
                 f"{self.path}: {vehicle} receives no CAMs; vehicles that do: {', '.join(known) or 'none'}"
             )
         rows = [
-            (*said, each.power_dbm, each.sinr_db)
+            (*cam, each.power_dbm, each.sinr_db, -1 if each.number is None else each.number)
             for each in recorded_receptions(self._reader, vehicle)
-            if each.payload is not None and (said := _cam(each.arrival_ns, each.payload))
+            if each.payload is not None and (cam := _cam(each.arrival_ns, each.payload))
         ]
         return np.array(rows, RECEIVED_CAM_DTYPE)
 
@@ -121,7 +123,7 @@ class Bag:
         """
         sent = (message for _, message in self._reader.messages(V2X_SENT.name))
         cams = (_cam(build.stamp_ns(each), bytes(each.payload)) for each in sent)
-        return np.array([said for said in cams if said], CAM_DTYPE)
+        return np.array([cam for cam in cams if cam], CAM_DTYPE)
 
     def fixes(self, vehicle: str = "ego") -> Table:
         """The GPS fixes of a vehicle (K,): a structured array of `FIX_DTYPE`.
@@ -144,11 +146,11 @@ class Bag:
 
 
 def _cam(stamp_ns: int, payload: bytes) -> tuple[float, ...] | None:
-    """The columns of `CAM_DTYPE`; None for what is no vehicle's CAM."""
-    said = values_of_payload(payload)
-    if said is None:
+    """The columns of `CAM_DTYPE`; None for a message that is not a vehicle's CAM."""
+    values = values_of_payload(payload)
+    if values is None:
         return None
-    return (stamp_ns, *(said[name] for name in PLAIN), *(_number(said[name]) for name in QUANTITIES))
+    return (stamp_ns, *(values[name] for name in PLAIN), *(_number(values[name]) for name in QUANTITIES))
 
 
 def _number(value: float | None) -> float:

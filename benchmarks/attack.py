@@ -87,7 +87,7 @@ def report_batches(frames: list[Frame], device: str, batches: list[int]) -> None
         frame = frames[number % len(frames)]
         return lambda seen: attack(frame.cloud, frame.boxes, seen, np.random.default_rng(number))
 
-    for word, attack in ATTACKS.items():
+    for name, attack in ATTACKS.items():
         run_batched(detector, [work(attack, 0)])  # warms up, and does not count
         for size in batches:
             count = max(batches)
@@ -95,7 +95,7 @@ def report_batches(frames: list[Frame], device: str, batches: list[int]) -> None
             for first in range(0, count, size):
                 run_batched(detector, [work(attack, n) for n in range(first, min(first + size, count))])
             rate_hz = count / (time.perf_counter() - start_s)
-            print(f"{word}: {size:>3} at once {rate_hz:9.3f} frames/s", flush=True)
+            print(f"{name}: {size:>3} at once {rate_hz:9.3f} frames/s", flush=True)
 
 
 def main() -> None:

@@ -29,6 +29,7 @@ from advpipe.stages.evaluate.detection.comparison import CloudResult, Comparison
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.scoring import known_classes, match
 from advpipe.stages.evaluate.detection.summary import summarise
+from advpipe.stages.evaluate.options import Options
 from advpipe.stages.simulate.run import simulate
 
 MARK = 0.1
@@ -67,7 +68,7 @@ def time_to_score_s(
         )
         frames.append(replace(frame, index=number, stamp_ns=number * PERIOD_NS, clean=result))
     matched_s = time.perf_counter()
-    summary = summarise(Comparison(None, {}, tuple(frames)), classes, DRAWS, seed=0)
+    summary = summarise(Comparison(None, {}, tuple(frames), classes=classes), DRAWS, seed=0)
     end_s = time.perf_counter()
     print(
         f"{summary.result.counts.blocks} blocks, {DRAWS} draws, "
@@ -91,7 +92,7 @@ def main() -> None:
             simulate(load_scenario("boulevard", ["simulation.duration_s=3"]), bag)
         bag = resolve_bag(bag)
         detect_s = time_to_detect_s(bag, options.detector, options.frames)
-        run = DetectionRun(options.detector, bag, frames=FrameSlice(0, options.frames))
+        run = DetectionRun(options.detector, bag, options=Options(frames=FrameSlice(0, options.frames)))
         (comparison,) = run.comparisons(workers=1)
     classes = known_classes(load_detector(options.detector))
     match_s, summarise_s, detections = time_to_score_s(list(comparison.frames), options.scored, classes)

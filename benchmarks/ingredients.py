@@ -178,10 +178,10 @@ def clean_scores(drive: Drive) -> dict[str, dict[str, float]]:
     return drive.scores([frame.cloud for frame in opened(drive)[0]])
 
 
-def measure(drive: Drive, name: str, word: str, budget: float) -> dict[str, Any]:
+def measure(drive: Drive, name: str, line_name: str, budget: float) -> dict[str, Any]:
     """One line: attack every cloud and score what is left."""
     frames, detector = opened(drive)
-    line = LINES[name][word]
+    line = LINES[name][line_name]
     attack = attack_of(name, line, budget)
     with fixed_torch_threads(), ExitStack() as changed:
         clean = clean_scores(drive)
@@ -200,7 +200,7 @@ def measure(drive: Drive, name: str, word: str, budget: float) -> dict[str, Any]
     ]
     car = {kind: left["plain"][f"car {kind}"] / clean["plain"][f"car {kind}"] for kind in ("strict", "loose")}
     return {
-        "line": word,
+        "line": line_name,
         "budget": budget,
         **{
             f"map_ratio_{treatment}_percent": 100 * mean_of(left, treatment) / mean_of(clean, treatment)
@@ -252,8 +252,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--write", action="store_true", help="into the table of the sweep's reports")
     given = parser.parse_args()
-    words = given.only or list(LINES[given.attack])
-    if unknown := [word for word in words if word not in LINES[given.attack]]:
+    line_names = given.only or list(LINES[given.attack])
+    if unknown := [line_name for line_name in line_names if line_name not in LINES[given.attack]]:
         parser.error(f"unknown line {unknown[0]!r}; known: {', '.join(LINES[given.attack])}")
     drive = Drive(resolve_bag(given.bag), given.frames, given.detector, given.seed)
     with fixed_torch_threads():
@@ -266,8 +266,8 @@ def main() -> None:
     print(f"{'':<32} budget  mAP ratio %  loose  jitter  rounded    cars  loose    CD m²  s a frame")
     with ProcessPoolExecutor(given.workers) as pool:
         jobs = [
-            pool.submit(measure, drive, given.attack, word, budget)
-            for word in words
+            pool.submit(measure, drive, given.attack, line_name, budget)
+            for line_name in line_names
             for budget in given.budgets or BUDGETS[given.attack]
         ]
         lines = []

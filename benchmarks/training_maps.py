@@ -52,7 +52,9 @@ def drives(script: Path = SCRIPT) -> Iterator[Drive]:
             keys = ("kind", "size", "block_m", "lanes")
             settings += ["map.sumo_net=null"]
             settings += [f"map.generator.{key}={value}" for key, value in zip(keys, rest[:4], strict=True)]
-            speed = [word.removeprefix("$speed=") for word in rest[4:] if word.startswith("$speed=")]
+            speed = [
+                argument.removeprefix("$speed=") for argument in rest[4:] if argument.startswith("$speed=")
+            ]
             settings += [f"map.generator.speed_mps={value}" for value in speed]
         if name not in NOT_TRAINED_ON:
             yield Drive(name, tuple(settings))

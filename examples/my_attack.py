@@ -1,4 +1,4 @@
-"""A LiDAR attack of one's own: a laser dazzles the sensor; --type my_attack:Dazzle --set width_deg=10."""
+"""A LiDAR attack of your own: a laser dazzles the sensor; --type my_attack:Dazzle --set width_deg=10."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from advpipe import Budget, LidarAttack, LidarResult, LidarTraits, PointLabels
 
 
 class Dazzle(LidarAttack):
-    """The nearest object that the detector could find drowns: no echo from `width_deg` around its centre."""
+    """Hides the nearest object that the detector could find: no echoes from `width_deg` around its centre."""
 
     traits = LidarTraits(budget=Budget(title="Dazzled sector in °", parameter="width_deg", unit="°"))
 

@@ -1,4 +1,4 @@
-"""A detector of one's own: clusters above the road are cars; --detector my_detector:ClusterDetector."""
+"""A detector of your own: clusters above the road are cars; --detector my_detector:ClusterDetector."""
 
 import numpy as np
 import torch

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 TOP = ("cli", "campaigns")
 """Packages of `pipeline/` that stand above the stages."""
 
-PUBLIC = ("bag", "commands")
+PUBLIC = ("bag", "commands", "networks")
 """The modules of `api/`, above the campaigns; the command line imports them."""
 
 LAYERS = (
@@ -27,7 +27,7 @@ LAYERS = (
     {"sensors"},
     {"scenario"},
     {"bag", "baselines", "birds_eye", "labels", "results", "viewer"},
-    {"replay", "dataset", "detector"},
+    {"replay", "dataset", "detector", "viewer_layouts"},
     {"defences"},
 )
 """Of `pipeline/`, from the ground up; each imports only from its own layer and those below it."""

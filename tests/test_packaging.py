@@ -72,7 +72,7 @@ def test_the_build_has_no_warnings(built: Built) -> None:
 def test_all_data_files_are_in_the_wheel(wheel: list[str]) -> None:
     """All data files in packages: messages, networks, templates, weights and their cards."""
     found = 0
-    for top in ("pipeline", "stages", "scenarios"):
+    for top in ("pipeline", "stages", "sample", "scenarios"):
         for path in (ROOT / top).rglob("*"):
             if path.is_file() and path.suffix not in (".py", ".pyc"):
                 found += 1

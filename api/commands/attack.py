@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from advpipe.commands.attackers import attackers_section
-from advpipe.commands.paths import PathLike, bag_or_newest
+from advpipe.commands.paths import PathLike, bag_or_newest, default_output, refuse_existing
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
-from advpipe.pipeline.scenario.attacks import attack_spec
-from advpipe.stages.attack.registry import default_budget
-from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack_id
-from advpipe.stages.attack.run import attack as run
+
+if TYPE_CHECKING:
+    from advpipe.stages.attack.run import AttackSummary
 
 
 def attack(
@@ -35,6 +34,7 @@ def attack(
     device: str = "cpu",
     seed: int = AttackOptions.seed,
     workers: int | None = None,
+    debug: bool = AttackOptions.debug,
     out: PathLike | None = None,
     overwrite: bool = False,
     parameters: Mapping[str, Any] | None = None,
@@ -52,8 +52,9 @@ def attack(
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
     detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
     `cuda` or `cuda:N`. seed: of the attack's own draws. workers: processes, by default one a core; their
-    number changes no byte. out: the bag's folder, by default beside the clean one. overwrite: replaces one
-    that exists.
+    number changes no byte. debug: whether the bag gets topics under `/advpipe/debug`, which show viewers what
+    was attacked. out: the bag's folder, by default in the clean one's data set, or beside it
+    as `BAG-...`. overwrite: replaces one that exists.
 
     The attack's parameters are given by name, such as `ratio` (the share of points to remove) of `detach`,
     `eps_cm` of `perturb`, `points` and `eps_m` of `attach`, `goal` ("break" or "hide"); `parameters` takes
@@ -66,6 +67,15 @@ def attack(
     >>> detached = advpipe.attack(drive, type="detach", ratio=0.01)
     >>> stopped = advpipe.attack(drive, type="cam-speed-constant", attacker="20%", speed_mps=0.0)
     """
+    if out is not None:
+        refuse_existing(Path(out), overwrite)  # before torch is loaded
+    from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.pipeline.scenario.attacks import attack_spec
+    from advpipe.stages.attack.output_name import output_name
+    from advpipe.stages.attack.registry import default_budget
+    from advpipe.stages.attack.run import AttackRequest
+    from advpipe.stages.attack.run import attack as run
+
     with as_usage_error():
         clean = bag_or_newest(bag)
         spec = attack_spec(
@@ -82,11 +92,13 @@ def attack(
                 "detector": detector,
             }
         )
-        request = AttackRequest((spec,), seed, device)
+        request = AttackRequest((spec,), seed, device, debug)
         request.check()
-    target = clean.parent / attack_id(request) if out is None else Path(out)
+    name = output_name(request, BagReader(clean))
+    target = default_output(clean, name) if out is None else Path(out)
+    refuse_existing(target, overwrite)
     refuse_undecodable(target)
-    detail(f"{attack_id(request)} of {clean}, seed {seed}, detector {detector} on {device}")
+    detail(f"{name} of {clean}, seed {seed}, detector {detector} on {device}")
     with writing(target):
         return run(clean, target, request, overwrite=overwrite, workers=workers)
 

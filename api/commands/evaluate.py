@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from advpipe.commands.paths import PathLike, bag_or_newest
-from advpipe.pipeline.bag.frames import FrameSlice
+from advpipe.commands.paths import PathLike, bag_or_newest, default_output, refuse_existing
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags, resolve_bag
 from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.registry import detector_slug
 from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import Report
-from advpipe.stages.evaluate.run import evaluate as run
+
+if TYPE_CHECKING:
+    from advpipe.stages.evaluate.run import Report
 
 
 def evaluate(
@@ -42,8 +44,9 @@ def evaluate(
     bag. detector: a shipped name, a .safetensors file, or `module:Class`; several make a matrix of transfer.
     device: where it computes, `cpu`, `cuda` or `cuda:N`. frames: `start:stop:step`, counted in the clean bag:
     which clouds detection looks at. defence: `NAME[:parameters]` before the detector, such as `jitter:0.02`,
-    or several. seed: of the bootstrap, the baselines and the defences. baseline: scores the same budget spent
-    at random; baseline_tries: of how many tries the best one, by default as many as the attack looked at.
+    or several. seed: of the bootstrap, the baselines and the defences. baseline: also scores a random
+    attack with the same budget; baseline_tries: its queries, of which it keeps the best, by default as many
+    as the attack has.
     lidar: the topic of the clouds, among several. write_detections: writes bags that show the detections;
     with_clouds: with the clouds in them. scene: shows frames in 3D in the page. workers: processes, by
     default one a core; their number changes no byte. out: the report's folder, by default
@@ -63,9 +66,12 @@ def evaluate(
         others = adversarial_bags(scored.parent)
     detectors = (detector,) if isinstance(detector, str) else tuple(detector)
     name = "+".join(detector_slug(each) for each in detectors)
-    target = scored.parent / "reports" / name if out is None else Path(out)
+    target = default_output(scored, name, "reports") if out is None else Path(out)
+    refuse_existing(target, overwrite)
     refuse_undecodable(scored, *others, target)
     detail(f"{', '.join(detectors)} on {device}, seed {seed}: {scored} and {len(others)} adversarial bags")
+    from advpipe.stages.evaluate.run import evaluate as run
+
     options = Options(
         detectors=detectors,
         seed=seed,

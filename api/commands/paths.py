@@ -1,11 +1,12 @@
-"""What the commands take for a bag."""
+"""What the commands take for a bag, and where they put what they make of it."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from advpipe.pipeline.bag.locate import newest_dataset, resolve_bag
+from advpipe.pipeline.bag.locate import CLEAN_NAME, newest_dataset, resolve_bag
+from advpipe.pipeline.core.errors import OutputExistsError
 from advpipe.pipeline.process.folder import working_path
 
 PathLike = str | os.PathLike[str]
@@ -21,3 +22,20 @@ def bag_or_newest(bag: PathLike | None) -> Path:
     Raises AdvpipeError where there is none.
     """
     return resolve_bag(newest_dataset(working_path(DATA_SETS)) if bag is None else Path(bag))
+
+
+def default_output(clean: Path, name: str, folder: str = "") -> Path:
+    """Where what is made from a bag lies if the user names no output: in the bag's data set, or its `folder`,
+    under this name; beside a bag that belongs to no data set, under the bag's name and this one."""
+    if clean.name != CLEAN_NAME:
+        name = f"{clean.name if clean.is_dir() else clean.stem}-{name}"
+    return clean.parent / folder / name
+
+
+def refuse_existing(out: Path, overwrite: bool) -> None:
+    """Raises OutputExistsError for an output that is there and is not to be overwritten.
+
+    The stages check the same, but after loading their libraries.
+    """
+    if out.exists() and not overwrite:
+        raise OutputExistsError(out)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from advpipe.commands.paths import DATA_SETS, PathLike
+from advpipe.commands.paths import DATA_SETS, PathLike, refuse_existing
 from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import working_path
 from advpipe.pipeline.scenario import Scenario, load_scenario
-from advpipe.stages.simulate.run import SimulationSummary
-from advpipe.stages.simulate.run import simulate as run
+
+if TYPE_CHECKING:
+    from advpipe.stages.simulate.run import SimulationSummary
 
 
 def simulate(
@@ -45,4 +47,11 @@ def simulate(
             loaded = load_scenario(named, settings)
     detail(f"scenario {loaded.name} of {named}, seed {loaded.simulation.seed}")
     folder = working_path(DATA_SETS) / loaded.name if out is None else Path(out)
-    return run(loaded, folder, overwrite=overwrite)
+    refuse_existing(folder, overwrite)
+    from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
+    from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.stages.simulate.run import simulate as run
+
+    recorded = run(loaded, folder, overwrite=overwrite)
+    notice_default_lidar(BagReader(recorded.bag))
+    return recorded

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from advpipe.commands.paths import PathLike, bag_or_newest
+from advpipe.commands.paths import PathLike, bag_or_newest, default_output
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
 from advpipe.pipeline.campaigns.sweep.run import Sweep, SweepReport
 from advpipe.pipeline.core.errors import as_usage_error
@@ -44,35 +45,44 @@ def sweep(
 
     >>> advpipe.sweep(drive, cells="detach-1", frames="::10").to_dicts()
     """
-    with as_usage_error():
-        clean = bag_or_newest(bag)
     asked = prepared(
-        clean,
+        bag,
         out,
-        SweepOptions(
-            table=table,
-            recipes=_several(recipes),
-            cells=_several(cells),
-            frames=frames,
-            detector=detector,
-            device=device,
-            seed=seed,
-            baseline_tries=baseline_tries,
-            lidar_topic=lidar,
-            keep_bags=keep_bags,
-            workers=workers,
-        ),
+        table=table,
+        recipes=recipes,
+        cells=cells,
+        frames=frames,
+        detector=detector,
+        device=device,
+        seed=seed,
+        baseline_tries=baseline_tries,
+        lidar_topic=lidar,
+        keep_bags=keep_bags,
+        workers=workers,
     )
     return asked.run(overwrite)
 
 
-def prepared(clean: Path, out: PathLike | None, options: SweepOptions) -> Sweep:
-    """The sweep of a bag in its folder, by default one of the data set's reports."""
-    name = f"sweep-{detector_slug(options.detector)}"
-    target = clean.parent / "reports" / name if out is None else Path(out)
+def prepared(
+    bag: PathLike | None,
+    out: PathLike | None,
+    *,
+    recipes: str | Sequence[str],
+    cells: str | Sequence[str],
+    **options: Any,
+) -> Sweep:
+    """The sweep of a bag in its folder, by default one of the data set's reports; options: as `SweepOptions`
+    has them."""
+    with as_usage_error():
+        clean = bag_or_newest(bag)
+    asked = SweepOptions(recipes=_names(recipes) or SweepOptions.recipes, cells=_names(cells), **options)
+    name = f"sweep-{detector_slug(asked.detector)}"
+    target = default_output(clean, name, "reports") if out is None else Path(out)
     refuse_undecodable(clean, target)
-    return Sweep.prepared(clean, target, options)
+    return Sweep.prepared(clean, target, asked)
 
 
-def _several(words: str | Sequence[str]) -> tuple[str, ...]:
-    return (words,) if isinstance(words, str) else tuple(words)
+def _names(lists: str | Sequence[str]) -> tuple[str, ...]:
+    """The names in one or several lists such as `best,paper`, each once."""
+    text = lists if isinstance(lists, str) else ",".join(lists)
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))

@@ -7,6 +7,7 @@ from pathlib import Path
 from advpipe.commands.paths import PathLike
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.stages.train.config import TrainConfig
@@ -46,7 +47,7 @@ def train(
         learned = tuple(resolve_bag(Path(bag)) for bag in bags)
         held_out = None if validate is None else resolve_bag(Path(validate))
     if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
-        raise UsageError(f"--validate {validate} is also a training bag; name a held-out one")
+        raise UsageError(f"{option_name('validate')} {validate} is also a training bag; name a held-out one")
     refuse_undecodable(*learned, held_out, Path(out))
     with as_usage_error():
         config = TrainConfig(

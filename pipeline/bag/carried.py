@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.latched import latched_text
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import Document, ShortText, read_json, validated
 from advpipe.pipeline.core.section import Name
+from advpipe.pipeline.messages.debug import is_debug
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.pipeline.sensors.lidar.lidars import Lidars
 from advpipe.pipeline.sensors.registry import SENSORS
@@ -88,7 +89,8 @@ def _carried(info: ScenarioSensors, where: str) -> Iterator[CarriedSensor]:
 
 def lidar_topics(reader: BagReader) -> list[str]:
     """The topics of LiDAR clouds, sorted; in another tool's bag, all topics of point clouds."""
-    clouds, known = reader.topics_of_type(CLOUD_TYPE), sensors_by_topic(reader)
+    clouds = [name for name in reader.topics_of_type(CLOUD_TYPE) if not is_debug(name)]
+    known = sensors_by_topic(reader)
     if known is None:
         return clouds
     return [name for name in clouds if is_lidar(known.get(name))]

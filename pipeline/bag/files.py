@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field
 
+from advpipe.pipeline.bag.foreign import refuse_foreign
 from advpipe.pipeline.core import plain_yaml
 from advpipe.pipeline.core.document import Document, ShortText, validated
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -29,6 +30,7 @@ def mcap_files(path: Path) -> list[Path]:
     """The .mcap file(s) of a rosbag2 directory, or the one file itself."""
     try:
         if path.is_file():
+            refuse_foreign(path)
             return [path]
         if not path.is_dir():
             raise UsageError(f"{path} does not exist; give a rosbag2 directory or an .mcap file")

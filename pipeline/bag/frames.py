@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, lidar_topics, sensors_by_topic
-from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth, objects_topic
+from advpipe.pipeline.bag.ground_truth import BOX_TYPES, LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import Cloud
@@ -27,6 +28,7 @@ __all__ = [
     "find_lidar_topic",
     "has_ground_truth",
     "read_frames",
+    "refuse_without_ground_truth",
 ]
 
 
@@ -59,7 +61,8 @@ def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
     default = VehicleTopics().lidar_points.name
     if len(candidates) > 1 and default not in candidates:
         raise UsageError(
-            f"{reader.path} has several LiDAR topics and none is {default}; name one: {', '.join(candidates)}"
+            f"{reader.path} has several LiDAR topics and none is {default}; "
+            f"name one by {option_name('lidar')}: {', '.join(candidates)}"
         )
     return default if default in candidates else candidates[0]
 
@@ -88,6 +91,14 @@ def has_ground_truth(path: Path, lidar_topic: str | None = None) -> bool:
     """Whether the bag holds boxes of the road users."""
     reader = BagReader(path)
     return objects_topic(reader, vehicle_topics(find_lidar_topic(reader, lidar_topic))) is not None
+
+
+def refuse_without_ground_truth(
+    path: Path, lidar_topic: str | None = None, *, fix: str = "give the clean bag that holds it"
+) -> None:
+    """Raises UsageError for a bag without boxes of the road users; fix: what the user can do about it."""
+    if not has_ground_truth(path, lidar_topic):
+        raise UsageError(f"{path} has no ground truth (no topic of {' or '.join(BOX_TYPES)}); {fix}")
 
 
 def read_frames(

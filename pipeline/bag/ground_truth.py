@@ -10,6 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.mcap.channel import RawMessage
@@ -71,10 +72,7 @@ class GroundTruth:
         """The boxes with this header stamp, in the LiDAR's frame; all their messages were taken before."""
         self._forget_before(stamp_ns)
         if stamp_ns not in self._boxes:
-            raise AdvpipeError(
-                f"{self._reader.path}: no message of {self._objects} has the stamp {stamp_ns} ns of a cloud; "
-                "choose frames with ground truth, with --frames start:stop:step"
-            )
+            raise AdvpipeError(self._without_boxes(stamp_ns))
         frame_id, boxes = self._boxes[stamp_ns]
         known = self._velocities.get(stamp_ns, {})
         unknown = np.full(3, np.nan)
@@ -83,6 +81,23 @@ class GroundTruth:
         if frame_id == lidar_frame:
             return boxes
         return boxes.transformed(self.lidar_SE3(frame_id, stamp_ns, lidar_frame))
+
+    def _without_boxes(self, stamp_ns: int) -> str:
+        """What is wrong where no boxes have a cloud's stamp: they are stamped otherwise, or missing."""
+        wrong = f"{self._reader.path}: no message of {self._objects} has the stamp {stamp_ns} ns of a cloud"
+        first_ns, last_ns = max(0, stamp_ns - LATENCY_NS), stamp_ns + LATENCY_NS
+        near = map(self._reader.decode, self._reader.raw_messages([self._objects], first_ns, last_ns))
+        offsets_ns = [other_ns - stamp_ns for other_ns in (*self._boxes, *map(build.stamp_ns, near))]
+        if not offsets_ns:
+            fix = option_name("frames", "start:stop:step")
+            return f"{wrong}, nor one near it; choose frames with ground truth ({fix})"
+        nearest_ns = min(offsets_ns, key=abs)
+        side = "later" if nearest_ns > 0 else "earlier"
+        return (
+            f"{wrong}: the nearest is {abs(nearest_ns) / 1e6:g} ms {side}; give the boxes of each cloud the "
+            "cloud's header stamp, or choose frames where they have it "
+            f"({option_name('frames', 'start:stop:step')})"
+        )
 
     def take(self, raw: RawMessage) -> None:
         """Keeps what a message of `topic_names` says."""
@@ -119,10 +134,16 @@ class GroundTruth:
         if lidar_root != frame_root:
             raise AdvpipeError(
                 f"{self._reader.path}: no transform connects the frame {frame_id!r} of {self._objects} to "
-                f"{lidar_frame!r} at {stamp_ns} ns; {TF_STATIC.name} and {TF.name} or "
-                f"{self._topics.true_odometry.name} must, at each cloud's time stamp"
+                f"{lidar_frame!r} at {stamp_ns} ns; record {self._transform_topics()} with one, stamped like "
+                f"each cloud, or give the boxes in the frame {lidar_frame!r}"
             )
         return invert(root_SE3_lidar) @ root_SE3_frame
+
+    def _transform_topics(self) -> str:
+        """The topics that may tie boxes and clouds: of odometry only one that the bag has."""
+        odometry = self._topics.true_odometry.name
+        names = [TF_STATIC.name, TF.name, *([odometry] if odometry in self._reader.topics else [])]
+        return f"{', '.join(names[:-1])} or {names[-1]}"
 
     def _boxes_of(self, message: Any) -> Boxes:
         rows, labels, ids = [], [], []

@@ -46,8 +46,23 @@ class ObjectCount:
 
 
 @dataclass(frozen=True)
+class LidarDescription:
+    """The clouds of one LiDAR, and their points."""
+
+    topic: str
+    clouds: int
+    points_least: int
+    points_mean: float
+    points_most: int
+
+    def __str__(self) -> str:
+        points = f"{self.points_least} to {self.points_most} points, {self.points_mean:.0f} on average"
+        return f"{self.clouds} of {points}"
+
+
+@dataclass(frozen=True)
 class BagDescription:
-    """A summary of one bag; points are counted per cloud, over all LiDARs.
+    """A summary of one bag; clouds and points are counted over all LiDARs, and for each in `lidars`.
 
     v2x: None for a bag without such statistics.
     """
@@ -63,12 +78,14 @@ class BagDescription:
     points_least: int
     points_mean: float
     points_most: int
+    lidars: tuple[LidarDescription, ...]
     objects: tuple[ObjectCount, ...]
     v2x: Statistics | None
     provenance: dict[str, str]
     checksums: ChecksumCoverage
 
     def to_json(self) -> str:
+        """All values as one JSON document."""
         return json.dumps(asdict(self), indent=2)
 
     def print(self) -> None:
@@ -96,9 +113,8 @@ class BagDescription:
             ("duration", f"{self.duration_s:.1f} s from {_date(self.start_ns)}"),
             ("messages", str(self.messages)),
         ]
-        if self.clouds:
-            points = f"{self.points_least} to {self.points_most} points, {self.points_mean:.0f} on average"
-            facts.append(("clouds", f"{self.clouds} of {points}"))
+        several = len(self.lidars) > 1
+        facts += [(f"clouds of {one.topic}" if several else "clouds", str(one)) for one in self.lidars]
         for item in self.objects:
             facts.append((item.class_name, f"{item.road_users} road users, {item.boxes} boxes"))
         if self.v2x is not None:
@@ -113,7 +129,7 @@ def _date(stamp_ns: int) -> str:
 
 
 @dataclass
-class _Tally:
+class _TopicTally:
     """What is counted in one pass over the bag.
 
     lidars: the topics with LiDAR clouds. truth: the topics whose boxes are of road users.
@@ -123,7 +139,7 @@ class _Tally:
     truth: frozenset[str]
     first_ns: dict[str, int] = field(default_factory=dict)
     last_ns: dict[str, int] = field(default_factory=dict)
-    points: list[int] = field(default_factory=list)
+    points: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     boxes: dict[str, int] = field(default_factory=lambda: defaultdict(int))
     ids: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
 
@@ -131,12 +147,18 @@ class _Tally:
         self.first_ns.setdefault(raw.topic.name, raw.log_time_ns)
         self.last_ns[raw.topic.name] = raw.log_time_ns
         if raw.topic.name in self.lidars:
-            self.points.append(len(reader.cloud(raw).cloud))
+            self.points[raw.topic.name].append(len(reader.cloud(raw).cloud))
         elif raw.topic.name in self.truth:
             for detection in reader.decode(raw).detections:
                 name = detection.results[0].hypothesis.class_id if detection.results else "unknown"
                 self.boxes[name] += 1
                 self.ids[name].add(detection.id)
+
+    def lidar(self, topic: str) -> LidarDescription:
+        """What was counted of a LiDAR, or with the topic "" of all of them."""
+        points = self.points.get(topic, []) if topic else [n for each in self.points.values() for n in each]
+        mean = sum(points) / len(points) if points else 0.0
+        return LidarDescription(topic, len(points), min(points, default=0), mean, max(points, default=0))
 
     def rate_hz(self, topic: str, count: int) -> float:
         span_ns = self.last_ns.get(topic, 0) - self.first_ns.get(topic, 0)
@@ -145,12 +167,13 @@ class _Tally:
 
 def describe(path: Path) -> BagDescription:
     """Reads the whole bag once for its messages and once for its checksums."""
-    reader = BagReader(resolve_bag(path))
+    reader = BagReader(resolve_bag(path), debug=True)
     files = mcap_files(reader.path)
     checksums = sum((validate_checksums(file) for file in files), ChecksumCoverage())
-    tally = _Tally(frozenset(lidar_topics(reader)), _truth(reader))
+    tally = _TopicTally(frozenset(lidar_topics(reader)), _truth(reader))
     for raw in reader.raw_messages():
         tally.add(reader, raw)
+    together = tally.lidar("")
     start_ns = min(tally.first_ns.values(), default=0)
     return BagDescription(
         path=str(reader.path),
@@ -165,10 +188,11 @@ def describe(path: Path) -> BagDescription:
             )
             for name, info in sorted(reader.topics.items())
         ),
-        clouds=len(tally.points),
-        points_least=min(tally.points, default=0),
-        points_mean=sum(tally.points) / len(tally.points) if tally.points else 0.0,
-        points_most=max(tally.points, default=0),
+        clouds=together.clouds,
+        points_least=together.points_least,
+        points_mean=together.points_mean,
+        points_most=together.points_most,
+        lidars=tuple(map(tally.lidar, sorted(tally.points))),
         objects=tuple(
             ObjectCount(name, boxes, len(tally.ids[name])) for name, boxes in sorted(tally.boxes.items())
         ),
@@ -187,8 +211,8 @@ def _truth(reader: BagReader) -> frozenset[str]:
 
 def _qos_text(profiles: tuple[Qos, ...]) -> str:
     """Such as `reliable 10`, or `reliable latched 1` for transient local durability."""
-    words = []
+    texts = []
     for qos in profiles:
         latched = " latched" if qos.durability is QosDurability.TRANSIENT_LOCAL else ""
-        words.append(f"{qos.reliability.name.lower()}{latched} {qos.depth}")
-    return ", ".join(dict.fromkeys(words))
+        texts.append(f"{qos.reliability.name.lower()}{latched} {qos.depth}")
+    return ", ".join(dict.fromkeys(texts))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from advpipe.pipeline.bag.files import METADATA_NAME
+from advpipe.pipeline.bag.foreign import refuse_foreign
 from advpipe.pipeline.core.errors import UsageError
 
 CLEAN_NAME = "clean"
@@ -20,7 +21,10 @@ def resolve_bag(path: Path) -> Path:
     path = bag_named(Path(path))
     if _is_dataset(path):
         return path / CLEAN_NAME
-    if (path / METADATA_NAME).is_file() or path.is_file():
+    if (path / METADATA_NAME).is_file():
+        return path
+    refuse_foreign(path)
+    if path.is_file():
         return path
     if not path.exists():
         raise UsageError(f"{path} does not exist; give a data set, a rosbag2 directory or an .mcap file")

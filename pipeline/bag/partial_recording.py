@@ -30,6 +30,7 @@ class PartialRecording:
 
     @property
     def bag(self) -> Path:
+        """The .mcap file that was named, or the folder that holds the files."""
         return self.found if self.found.is_file() else self.files[0].parent
 
     @property

@@ -2,7 +2,8 @@
 
 Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON). A
 simulated drive adds `map_sha256`; an attack `parent_sha256`, `attack`, `recipe`, `parameters` (JSON),
-`budget` (the parameter that bounds the attack), `frames` and `code_sha256` (see `pipeline.code`); one on
+`budget` (the parameter that bounds the attack), `frames`, `debug` (whether the bag may have debug topics, see
+`messages.debug`) and `code_sha256` (see `pipeline.code`); one on
 clouds also `lidar_topics` (JSON) and `looks` (at how many tries, where the attack says so).
 """
 

@@ -23,7 +23,7 @@ MOST_LOOKS = 10_000
 """At more tries no attack looks; an evaluation draws as many random ones."""
 _MOST_KEYS = 200
 _MOST_ATTACKS = 1000
-_JSON = ("versions", "parameters", "attacks", "lidar_topics", "looks", "recovered")
+_JSON = ("versions", "parameters", "attacks", "lidar_topics", "looks", "recovered", "debug")
 _HINT = "make the bag again"
 
 Line = Annotated[str, Field(max_length=10_000)]
@@ -84,6 +84,7 @@ class ProvenanceFields(Document):
     detector: Line = ""
     detector_sha256: ShortText = ""
     device: ShortText = ""
+    debug: bool = False
     recovered: dict[ShortText, Count] = Field(default_factory=dict)
 
 
@@ -108,10 +109,12 @@ class Provenance(Mapping[str, str]):
 
     @property
     def is_attack(self) -> bool:
+        """Whether the record is that of an adversarial bag."""
         return self.fields.kind == "attack"
 
     @property
     def parameters(self) -> dict[str, Any]:
+        """The attack's parameters by name; empty where the record has none."""
         found = self.fields.parameters
         return found if isinstance(found, dict) else {}
 

@@ -19,6 +19,7 @@ from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.mcap.channel import RawMessage, TopicInfo
 from advpipe.pipeline.mcap.reader import McapFile, in_time_order
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_from_cdr
+from advpipe.pipeline.messages.debug import is_debug
 from advpipe.pipeline.messages.message_bounds import implausibility
 from advpipe.pipeline.messages.object_count import has_more_objects
 from advpipe.pipeline.messages.types import missing_field, schema_text, types_from, typestore
@@ -33,11 +34,13 @@ class BagReader:
     """A rosbag2 directory or a bare .mcap file.
 
     Nothing stays open between calls, memory holds one chunk at a time, and every checksum that the bag
-    carries is validated. Damaged or foreign input raises AdvpipeError, one line with the file's name.
+    carries is validated. Debug topics (`messages.debug`), which tell what an attack did, are left out unless
+    `debug` asks for them, so that no detector, attack or evaluation takes them for input. Damaged or foreign
+    input raises AdvpipeError, one line with the file's name.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: Path, *, debug: bool = False) -> None:
+        self.path, self._debug = Path(path), debug
         self._files = [McapFile(file) for file in mcap_files(self.path)]
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
         detail(f"opened {self.path}: {', '.join(file.path.name for file in self._files)}")
@@ -56,6 +59,8 @@ class BagReader:
         found: dict[str, TopicInfo] = {}
         for file in self._files:
             for topic in {topic.name: topic for topic in file.topics.values()}.values():
+                if not self._debug and is_debug(topic.name):
+                    continue
                 known = found.get(topic.name)
                 if known is not None and known.type != topic.type:
                     raise AdvpipeError(f"{self.path}: {topic.name} holds both {known.type} and {topic.type}")
@@ -77,6 +82,9 @@ class BagReader:
 
         `first_ns` and `last_ns` bound the log time, both included; chunks outside are not unpacked.
         """
+        if not self._debug:
+            named = [name for file in self._files for name in file.counts] if topics is None else topics
+            topics = [name for name in named if not is_debug(name)]
         return in_time_order([file.raw_messages(topics, first_ns, last_ns) for file in self._files])
 
     def messages(self, topic: str, last_ns: int | None = None) -> Iterator[tuple[int, Any]]:

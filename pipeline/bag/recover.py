@@ -22,6 +22,7 @@ from advpipe.pipeline.core.partial import FolderKind, staged_folder
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.checksums import validate_checksums
 from advpipe.pipeline.mcap.salvage import Salvage
+from advpipe.pipeline.messages.debug import is_debug
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.messages.types import typestore
 
@@ -103,7 +104,7 @@ def recover(path: Path, out: Path | None = None, *, overwrite: bool = False) -> 
     """
     with find_partial_recording(Path(path)) as source:
         if not source.is_leftover and _is_whole(source):
-            topics = BagReader(source.bag).topics.values()
+            topics = BagReader(source.bag, debug=True).topics.values()
             return Recovery(source, messages=sum(topic.count for topic in topics))
         target = Path(out) if out else source.name.with_name(f"{source.name.name}-recovered")
         if target.exists() and not overwrite:
@@ -136,7 +137,7 @@ def _survey(recovery: Recovery) -> _Survey:
     for salvage in map(Salvage, recovery.source.filled_files):
         for raw in salvage.messages():
             recovery.messages += 1
-            if raw.topic.type == CLOUD_TYPE:
+            if raw.topic.type == CLOUD_TYPE and not is_debug(raw.topic.name):
                 recovery.clouds += 1
                 survey.clouds_ns.setdefault(raw.topic.name, set()).add(raw.log_time_ns)
             elif raw.topic.name == SCENARIO_INFO.name:

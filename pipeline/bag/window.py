@@ -1,4 +1,4 @@
-"""The time of a recording that chosen clouds span: what `--frames` bounds besides the clouds themselves."""
+"""The time of a recording that chosen clouds span: what the option `frames` bounds besides clouds."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.option_names import option_name
 
 ONE_CLOUD_NS = 100_000_000
 """The period where a bag holds a single cloud: that of a LiDAR that turns at 10 Hz."""
@@ -55,7 +56,7 @@ def window_of(reader: BagReader, frames: FrameSlice, lidar_topic: str | None = N
     if not lidar_topics(reader):
         raise UsageError(
             f"{reader.path} holds no LiDAR clouds, so the frames {frames} select no time span; leave "
-            "--frames out"
+            f"{option_name('frames')} out"
         )
     times_ns = reader.log_times_ns(find_lidar_topic(reader, lidar_topic))
     chosen = frames.indices(len(times_ns))

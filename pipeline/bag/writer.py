@@ -6,7 +6,7 @@ type hash in the channel metadata, and a version 8 metadata.yaml, which Humble a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -49,9 +49,10 @@ class BagWriter:
     ...     bag.write(CLOCK, messages.clock(stamp_ns), stamp_ns)
 
     path: the rosbag2 directory to make. provenance: see `provenance.py`; it leads the file, so that a
-    truncated recording still has it. compression: of the chunks, a key of `COMPRESSIONS`. The bytes
-    written depend on the arguments alone: no clock, no host. They are compressed and written while the
-    caller goes on, so the error of a full disk may come some messages late, or at the end of the block.
+    truncated recording still has it. compression: of the chunks, a key of `COMPRESSIONS`. finish: called with
+    the folder when the bag in it is whole, before it takes its name; for files that no checksum covers.
+    The bytes written depend on the arguments alone: no clock, no host. They are compressed and written while
+    the caller goes on, so the error of a full disk may come some messages late, or at the end of the block.
     """
 
     def __init__(
@@ -61,13 +62,14 @@ class BagWriter:
         provenance: Mapping[str, str],
         overwrite: bool = False,
         compression: str = "zstd",
+        finish: Callable[[Path], None] | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UsageError(f"compression {compression!r} is unknown; use one of {', '.join(COMPRESSIONS)}")
         self.path = Path(path)
         self._provenance = Provenance(provenance, f"{path}: the provenance record")
         self._overwrite = overwrite
-        self._compression = compression
+        self._compression, self._finish_folder = compression, finish
         self._channels: dict[str, _Channel] = {}
         self._schema_ids: dict[tuple[str, str], int] = {}
         self._first_ns: int | None = None
@@ -97,6 +99,8 @@ class BagWriter:
             if kind is None:
                 with self._disk_errors():
                     self._finish()
+                    if self._finish_folder is not None:
+                        self._finish_folder(self.folder)
                     self._folder.commit(may_replace=lambda old: self._overwrite and _is_bag(old))
         except BaseException:
             self._discard()

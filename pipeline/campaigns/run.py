@@ -1,4 +1,4 @@
-"""All stages of a scenario, one after the other; what is done already is kept."""
+"""All stages of a scenario, one after the other; existing results are kept."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from advpipe.pipeline.bag.locate import adversarial_bags
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.document import ShortText, read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
@@ -26,7 +27,7 @@ from advpipe.stages.simulate.run import SimulationSummary, simulate
 
 @dataclass(frozen=True)
 class Kept:
-    """A result that is there already. kind: `bag` or `report`."""
+    """An existing result. kind: `bag` or `report`."""
 
     kind: str
     path: Path
@@ -41,15 +42,15 @@ class Evaluated:
 
 
 Part = Kept | SimulationSummary | AttackSummary | Evaluated
-"""What a stage made, or that it had nothing to do."""
+"""The result of a stage, new or existing."""
 
 
 @dataclass(frozen=True)
 class Campaign:
     """A scenario's drive, its attacks and their evaluation, in the folder of a data set.
 
-    requests: by the name of the bag that each makes. What is in the place of a result and comes of anything
-    else is refused, or replaced with `overwrite`.
+    requests: by the name of the bag that each makes. An existing result of anything else is refused, or
+    replaced with `overwrite`.
     """
 
     scenario: Scenario
@@ -61,10 +62,22 @@ class Campaign:
     overwrite: bool = False
 
     @classmethod
-    def of(cls, scenario: Scenario, folder: Path, detector: str, device: str, **options: Any) -> Campaign:
-        """Raises AdvpipeError for attacks that cannot be carried out: now, not after the simulation."""
+    def of(
+        cls,
+        scenario: Scenario,
+        folder: Path,
+        detector: str,
+        device: str,
+        *,
+        debug: bool = AttackOptions.debug,
+        **options: Any,
+    ) -> Campaign:
+        """debug: whether adversarial bags have debug topics.
+
+        Raises AdvpipeError for attacks that cannot be carried out, before the simulation.
+        """
         requests = {
-            name: AttackRequest(attacks, scenario.simulation.seed, device)
+            name: AttackRequest(attacks, scenario.simulation.seed, device, debug)
             for name, attacks in scenario.attacks.items()
         }
         for name, request in requests.items():
@@ -73,7 +86,7 @@ class Campaign:
         return cls(scenario, requests, folder, detector, device, **options)
 
     def run(self) -> Iterator[Part]:
-        """The drive, each attack, and the report, each as soon as it is there."""
+        """Yield the drive, each attack and the report, each as soon as it is finished."""
         clean = self.folder / "clean"
         yield self._drive(clean)
         for name, request in self.requests.items():
@@ -138,7 +151,7 @@ def is_made_by(request: AttackRequest, clean: Path, bag: Path, overwrite: bool) 
 
 
 def _differing_keys(made: Path, wanted: str) -> list[str]:
-    """The keys at the top of two YAML texts whose values differ; the whole text where one is no mapping."""
+    """The top-level keys of two YAML texts whose values differ; `text` if one is not a mapping."""
     try:
         text = read_text(made)
         if text == wanted:

@@ -10,8 +10,10 @@ import typer
 
 from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.cli.attack_parameters import AttackCommand
+from advpipe.pipeline.cli.attacks import attacks_command
 from advpipe.pipeline.cli.bags import inspect, plot, recover_command
 from advpipe.pipeline.cli.clean import clean
+from advpipe.pipeline.cli.demo import demo
 from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.figures import figures_command
@@ -21,7 +23,7 @@ from advpipe.pipeline.cli.schema import schema_command
 from advpipe.pipeline.cli.share import share_command
 from advpipe.pipeline.cli.shared import Answer, answering
 from advpipe.pipeline.cli.simulate import simulate_command
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.cli.train import import_weights, train_command
 from advpipe.pipeline.cli.unpack import unpack_command
 from advpipe.pipeline.cli.verify import verify_command
@@ -34,15 +36,18 @@ app = typer.Typer(
     epilog="Exit codes: 0 done; 1 findings, or a failure on the way; 2 wrong use; 128 + n ended by signal n.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 COMMANDS: dict[str, Callable[..., Answer]] = {
+    "demo": demo,
     "simulate": simulate_command,
     "attack": attack_command,
     "evaluate": evaluate_command,
     "figures": figures_command,
-    "sweep": sweep,
+    "attacks": attacks_command,
+    "sweep": sweep_command,
     "export": export,
     "run": run,
     "train": train_command,
@@ -57,8 +62,8 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "verify": verify_command,
     "schema": schema_command,
 }
-for word, command in COMMANDS.items():
-    app.command(word, cls=AttackCommand if word == "attack" else None)(answering(command))
+for name, command in COMMANDS.items():
+    app.command(name, cls=AttackCommand if name == "attack" else None)(answering(command))
 
 
 def _version(wanted: bool) -> None:

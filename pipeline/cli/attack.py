@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from advpipe.pipeline.cli.completion import attack_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
@@ -26,7 +27,9 @@ def attack_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
     ] = None,
-    kind: Annotated[str, cli_option(AttackOptions, "type", "--type")] = AttackOptions.type,
+    type: Annotated[
+        str, cli_option(AttackOptions, "type", "--type", autocompletion=attack_names)
+    ] = AttackOptions.type,
     recipe: Annotated[
         str | None, cli_option(AttackOptions, "recipe", show_default="best")
     ] = AttackOptions.recipe,
@@ -53,6 +56,7 @@ def attack_command(
     device: Annotated[str, cli_option(AttackOptions, "device")] = AttackOptions.device,
     seed: Annotated[int, cli_option(AttackOptions, "seed")] = AttackOptions.seed,
     workers: Workers = None,
+    debug: Annotated[bool, cli_option(AttackOptions, "debug", "--debug/--no-debug")] = AttackOptions.debug,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
     ] = None,
@@ -69,7 +73,7 @@ def attack_command(
     given = {name: value for name, value in more_parameters.items() if value is not None}
     summary = run(
         bag,
-        type=kind,
+        type=type,
         recipe=recipe,
         attacker=attacker or (),
         victim=victim,
@@ -82,9 +86,10 @@ def attack_command(
         device=device,
         seed=seed,
         workers=workers,
+        debug=debug,
         out=out,
         overwrite=overwrite,
-        parameters=_parameters(given, settings or []),
+        parameters=given_parameters(given, settings or []),
     )
     return attacked(summary)
 
@@ -93,19 +98,19 @@ def attacked(summary: AttackSummary) -> Answer:
     """The bag, and what was done to it: of the losses their means."""
     before, after = summary.mean_losses
     document = {key: value for key, value in vars(summary).items() if key != "losses"}
-    document |= {"mean_loss_before": before, "mean_loss_after": after}
+    document |= {"mean_loss_before": before, "mean_loss_after": after, "warnings": summary.warnings}
     return Answer(document, print_line(summary))
 
 
-def _parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
+def given_parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:
     """Those given as options, and the values of `name=value`, each read as YAML."""
     from advpipe.pipeline.core.errors import UsageError
     from advpipe.pipeline.core.short_repr import short_repr, shorten
 
     found = dict(options)
     for setting in settings:
-        word, equals, text = setting.partition("=")
-        name = word.strip().replace("-", "_")
+        given, equals, text = setting.partition("=")
+        name = given.strip().replace("-", "_")
         if not equals or not name:
             raise UsageError(f"--set {short_repr(setting)}: write name=value, such as rounds=20")
         if name in found:

@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand
 
 from advpipe.pipeline.cli.attack import attack_command, read_value
-from advpipe.pipeline.cli.shared import Answer, answering
+from advpipe.pipeline.cli.shared import Answer, answering, flag_of
 from advpipe.pipeline.core.attack_options import AttackOptions
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class AttackCommand(TyperCommand):
 
     def make_context(self, info_name: Any, args: list[str], *others: Any, **extra: Any) -> Any:
         own = {flag for one in self.params for flag in (*one.opts, *one.secondary_opts)}
-        flags = {word.partition("=")[0] for word in args if word.startswith("-")}
+        flags = {argument.partition("=")[0] for argument in args if argument.startswith("-")}
         attack = _attack_named(args)
         wants_help = attack is not None and not flags.isdisjoint(_HELP)
         if not wants_help and all(flag in {*own, *_HELP} or flag[:2] != "--" for flag in flags):
@@ -42,6 +42,20 @@ class AttackCommand(TyperCommand):
             raise
 
 
+class _WithParameters(TyperCommand):
+    """Its help has the attack's parameters in a section of their own."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        every = self.params
+        parameters = [one for one in every if getattr(one, "rich_help_panel", None)]
+        self.params = [one for one in every if one not in parameters]
+        super().format_options(ctx, formatter)
+        self.params = every
+        if parameters:
+            with formatter.section(parameters[0].rich_help_panel):  # type: ignore[attr-defined]
+                formatter.write_dl([one.get_help_record(ctx) for one in parameters])
+
+
 def _attack_named(args: list[str]) -> str | None:
     """The last value of `--type`, the one that counts."""
     for place in reversed(range(len(args))):
@@ -54,18 +68,16 @@ def _attack_named(args: list[str]) -> str | None:
 def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
     """`advpipe attack` with the attack's parameters as options but for those whose flag is taken; and their
     flags. Raises AdvpipeError for an attack that is unknown."""
-    from rich.markup import escape
-
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.parameter_docs import documented_parameters, summary
     from advpipe.stages.attack.registry import default_budget, find_attack, resolved_name
 
-    kind = find_attack(resolved_name(attack_spec({"type": attack})).type)
+    attack_class = find_attack(resolved_name(attack_spec({"type": attack})).type)
     usual, panel = default_budget(attack), f"Parameters of {attack}"
     parameters = [
         _as_argument(one, usual.get(one.name, one.default), panel)
-        for one in documented_parameters(kind)
-        if _flag(one.name) not in taken
+        for one in documented_parameters(attack_class)
+        if flag_of(one.name) not in taken
     ]
     general = inspect.signature(attack_command).parameters.values()
     signature = [*(one for one in general if one.kind is not one.VAR_KEYWORD), *parameters]
@@ -73,35 +85,32 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
     def command(**options: Any) -> Answer:
         return attack_command(**options)
 
-    command.__doc__ = (inspect.getdoc(attack_command) or "") + escape(f"\n\n{attack}: {summary(kind)}")
+    command.__doc__ = f"{inspect.getdoc(attack_command)}\n\n{attack}: {summary(attack_class)}"
     command.__annotations__ = {
         **get_type_hints(attack_command, include_extras=True),
         **{one.name: one.annotation for one in parameters},
     }
     command.__signature__ = inspect.Signature(signature)  # type: ignore[attr-defined]
-    app = typer.Typer(add_completion=False)
-    app.command()(answering(command))
-    return typer.main.get_command(app), [_flag(one.name) for one in parameters]
-
-
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command(cls=_WithParameters)(answering(command))
+    return typer.main.get_command(app), [flag_of(one.name) for one in parameters]
 
 
 def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
     """The argument of which typer makes the parameter's option; None stands for not given."""
-    from rich.markup import escape
-
     from advpipe.pipeline.core.short_repr import short_repr
+    from advpipe.stages.attack.parameters import is_share
 
-    flag, types = _flag(one.name), set(one.types)
+    flag, types = flag_of(one.name), set(one.types)
     usual = "" if default in (inspect.Parameter.empty, None, (), "") else f" [default: {default}]"
-    shown: dict[str, Any] = {"help": escape(one.help + usual), "rich_help_panel": panel}
-    numbers_or_word = next((kind for kind in (str, float, int) if kind in types), None)
+    shown: dict[str, Any] = {"help": one.help + usual, "rich_help_panel": panel}
+    plain_type = next((each for each in (str, float, int) if each in types), None)
     if types == {bool}:
         option: Any = Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
-    elif numbers_or_word is not None and not isinstance(default, tuple):
-        option = Annotated[numbers_or_word | None, typer.Option(flag, **shown)]
+    elif plain_type is float and is_share(one.name):
+        option = Annotated[Any, typer.Option(flag, parser=_read_share, metavar="SHARE", **shown)]
+    elif plain_type is not None and not isinstance(default, tuple):
+        option = Annotated[plain_type | None, typer.Option(flag, **shown)]
     else:
 
         def read(text: str) -> Any:
@@ -109,3 +118,14 @@ def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:
 
         option = Annotated[Any, typer.Option(flag, parser=read, metavar="YAML", **shown)]
     return inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+
+
+def _read_share(text: str) -> float:
+    """0.01 of `0.01` and of `1%`; the parser of options calls it with each word."""
+    from advpipe.pipeline.core.section import parse_share
+    from advpipe.pipeline.core.short_repr import short_repr
+
+    try:
+        return float(parse_share(text))
+    except ValueError:
+        raise typer.BadParameter(f"{short_repr(text)} is not a share; write 0.01 or 1%") from None

@@ -44,7 +44,7 @@ def clean(
 
     if everything and not remove:
         raise UsageError("--all needs --remove; without both, everything is listed")
-    tally, is_refused = _Tally(), False
+    tally, is_refused = _LeftoverTally(), False
     records: list[dict[str, Any]] = []
     for leftover in _found(path):
         use, is_removed = None if leftover.is_running else leftover.use, False
@@ -64,7 +64,7 @@ def clean(
 
 
 @dataclass
-class _Tally:
+class _LeftoverTally:
     """How many there are, and their bytes: all, those removed, and those that nothing can use."""
 
     count: int = 0
@@ -87,15 +87,15 @@ class _Tally:
         if not self.count:
             return "no leftovers of killed runs"
         if remove:
-            said = f"{self.removed} of {self.count} removed, {_size(self.removed_bytes)}"
-            return f"{said}; {self.useful} kept, which --all would also remove" if self.useful else said
-        said = f"{self.count} in all, {_size(self.bytes)}"
+            text = f"{self.removed} of {self.count} removed, {_size(self.removed_bytes)}"
+            return f"{text}; {self.useful} kept, which --all would also remove" if self.useful else text
+        text = f"{self.count} in all, {_size(self.bytes)}"
         if self.useless:
-            said += f"; --remove deletes {self.useless} that nothing can use"
+            text += f"; --remove deletes {self.useless} that nothing can use"
         return (
-            f"{said}; --remove --all also deletes {self.useful} that can still be used"
+            f"{text}; --remove --all also deletes {self.useful} that can still be used"
             if self.useful
-            else said
+            else text
         )
 
 

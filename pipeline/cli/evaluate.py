@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from advpipe.pipeline.cli.completion import defence_names, detector_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -32,12 +33,13 @@ def evaluate_command(
     ] = None,
     detector: Annotated[
         list[str] | None,
-        cli_option(Options, "detectors", "--detector", show_default="small"),
+        cli_option(Options, "detectors", "--detector", show_default="small", autocompletion=detector_names),
     ] = None,
     device: Device = "cpu",
     frames: Annotated[str, cli_option(Options, "frames")] = "::",
     defence: Annotated[
-        list[str] | None, cli_option(Options, "defences", "--defence", show_default=False)
+        list[str] | None,
+        cli_option(Options, "defences", "--defence", show_default=False, autocompletion=defence_names),
     ] = None,
     seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
     baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,

@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.core.nearest import known_names
 
 FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
-"""By the word on the command line."""
+"""The forms of VeReMi by their names on the command line."""
 
 
 def export(
@@ -32,7 +33,7 @@ def export(
     from advpipe.stages.evaluate.v2x.veremi import export_veremi
 
     if format not in FORMATS:
-        raise UsageError(f"unknown format {format!r}; known: {', '.join(FORMATS)}")
+        raise UsageError(f"unknown format {format!r}; {known_names(format, FORMATS)}")
     with as_usage_error():
         source = resolve_bag(bag)
     target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")

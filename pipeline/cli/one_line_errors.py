@@ -23,12 +23,17 @@ ClickException: type[Exception] = next(
 class OneLineErrors(TyperGroup):
     """Whatever goes wrong becomes one line and an exit code; see `endings`.
 
-    Its own help is plain text: to load `rich` takes longer than all else that `advpipe --help` does.
+    Help is plain text (`rich_markup_mode` of the app): to load `rich` takes longer than all else that
+    `advpipe --help` does.
     """
 
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self.rich_markup_mode = None
+    def get_params(self, ctx: Any) -> Any:
+        """Its options. An absent flag of typer's own is False, not None: to validate that loads pydantic."""
+        options = super().get_params(ctx)
+        for option in options:
+            if getattr(option, "is_flag", False) and option.default is None:
+                option.default = False
+        return options
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Writes each command's first sentence whole; click would cut it off at the end of the line."""

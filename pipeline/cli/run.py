@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from advpipe.pipeline.cli.attack import attacked
+from advpipe.pipeline.cli.completion import scenario_names
 from advpipe.pipeline.cli.evaluate import evaluated
 from advpipe.pipeline.cli.shared import (
     Answer,
@@ -15,17 +16,21 @@ from advpipe.pipeline.cli.shared import (
     Device,
     Overwrite,
     Workers,
+    cli_option,
     print_line,
     show_part,
 )
 from advpipe.pipeline.cli.simulate import simulated
+from advpipe.pipeline.core.attack_options import AttackOptions
 
 if TYPE_CHECKING:
     from advpipe.pipeline.campaigns.run import Part
 
 
 def run(
-    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")],
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
     ] = None,
@@ -35,6 +40,7 @@ def run(
     detector: DetectorName = "small",
     device: Device = "cpu",
     workers: Workers = None,
+    debug: Annotated[bool, cli_option(AttackOptions, "debug", "--debug/--no-debug")] = AttackOptions.debug,
     overwrite: Overwrite = False,
 ) -> Answer:
     """All stages: simulate a scenario, carry out its attacks, evaluate; goes on where it was stopped.
@@ -50,7 +56,9 @@ def run(
     with as_usage_error():
         loaded = load_scenario(scenario, settings or ())
         folder = out or working_path("datasets") / loaded.name
-        campaign = Campaign.of(loaded, folder, detector, device, workers=workers, overwrite=overwrite)
+        campaign = Campaign.of(
+            loaded, folder, detector, device, debug=debug, workers=workers, overwrite=overwrite
+        )
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}

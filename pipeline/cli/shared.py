@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.cli.completion import detector_names
 from advpipe.pipeline.core.options import parser_options
 from advpipe.stages.evaluate.options import Options
 
@@ -23,17 +24,30 @@ def cli_option(model: type, name: str, *flags: str, **shown: Any) -> Any:
     return typer.Option(*flags, **parser_options(model, name), **shown)  # type: ignore[misc]
 
 
+def flag_of(name: str) -> str:
+    """The option of the command line that sets a parameter of this name.
+
+    >>> flag_of("eps_cm")
+    '--eps-cm'
+    """
+    return "--" + name.replace("_", "-")
+
+
 LidarTopic = Annotated[str | None, cli_option(Options, "lidar_topic", "--lidar")]
 Workers = Annotated[int | None, cli_option(SweepOptions, "workers", "--workers", show_default="one a core")]
 BaselineTries = Annotated[
     int | None,
-    cli_option(Options, "baseline_tries", "--baseline-tries", show_default="as many as the attack looked at"),
+    cli_option(
+        Options, "baseline_tries", "--baseline-tries", show_default="as many as the attack has queries"
+    ),
 ]
 Device = Annotated[str, cli_option(Options, "device", "--device")]
-DetectorName = Annotated[str, cli_option(SweepOptions, "detector", "--detector")]
+DetectorName = Annotated[
+    str, cli_option(SweepOptions, "detector", "--detector", autocompletion=detector_names)
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Tell versions, what is loaded, seeds and times as well.")
+    bool, typer.Option("--verbose", "-v", help="Also print versions, what is loaded, seeds and times.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as one JSON document, for programs.")]
 
@@ -59,14 +73,15 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
 
     @wraps(command)
     def answer(*args: Any, quiet: bool, verbose: bool, as_json: bool, **options: Any) -> None:
+        from advpipe.pipeline.core.option_names import use_flags
         from advpipe.pipeline.core.streams import safe_streams
         from advpipe.pipeline.core.verbosity import Verbosity, phase, use_verbosity
         from advpipe.pipeline.process.document import strict_json
         from advpipe.pipeline.process.folder import check_paths
 
-        with safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
+        with use_flags(), safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
             check_paths([*args, *options.values()])
-            _tell_versions()
+            _print_versions()
             with phase("in all"):
                 given = command(*args, **options)
             if as_json:
@@ -106,8 +121,8 @@ def print_line(text: object) -> Callable[[], None]:
     return lambda: print(text)
 
 
-def _tell_versions() -> None:
-    """With --verbose: what a figure may depend on."""
+def _print_versions() -> None:
+    """With --verbose, prints the versions that a figure may depend on."""
     import platform
 
     from advpipe.pipeline.core.verbosity import detail

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from advpipe.pipeline.cli.completion import scenario_names
 from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
 
 if TYPE_CHECKING:
@@ -14,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def simulate_command(
-    scenario: Annotated[str, typer.Argument(help="A scenario file or a shipped name.")] = "district",
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
+    ] = "district",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
     ] = None,

@@ -21,7 +21,7 @@ from advpipe.pipeline.cli.shared import (
 )
 
 
-def sweep(
+def sweep_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,
@@ -57,16 +57,14 @@ def sweep(
     Each finished cell is kept in cells/ of the output, and only those that are missing are run. Other
     recipes, with frames of their own, may be added to the same output later.
     """
-    from advpipe.commands.paths import bag_or_newest
     from advpipe.commands.sweep import prepared
-    from advpipe.pipeline.core.errors import as_usage_error
 
-    with as_usage_error():
-        clean = bag_or_newest(bag)
-    options = SweepOptions(
+    asked = prepared(
+        bag,
+        out,
         table=table,
-        recipes=_words([recipes]) or ("best",),
-        cells=_words(cells or []),
+        recipes=recipes,
+        cells=cells or (),
         frames=frames,
         detector=detector,
         device=device,
@@ -76,7 +74,6 @@ def sweep(
         keep_bags=keep_bags,
         workers=workers,
     )
-    asked = prepared(clean, out, options)
     if check is not None:
         return Answer({"checked": asked.check(check)}, lambda: None)
     report = asked.run(overwrite)
@@ -88,9 +85,3 @@ def sweep(
         print(f"report: {page}")
 
     return Answer({"report": page, **document}, show)
-
-
-def _words(lists: list[str]) -> tuple[str, ...]:
-    """The words of lists such as `best,paper`, each once."""
-    words = (word.strip() for words in lists for word in words.split(","))
-    return tuple(dict.fromkeys(word for word in words if word))

@@ -34,4 +34,9 @@ class AttackOptions:
     frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
     detector: str = options.detector()
     device: str = options.device()
+    debug: bool = option(
+        True,
+        "Add topics under /advpipe/debug with the touched points and false positions, for viewers; they give "
+        "the attack away to whoever gets the bag.",
+    )
     seed: int = option(0, "Seed of the attack's random draws.", least=0)

@@ -6,6 +6,7 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.text import one_line
 
 __all__ = [
@@ -38,10 +39,10 @@ class UsageError(AdvpipeError):
 
 
 class OutputExistsError(UsageError):
-    """An output exists already, and `--overwrite` was not given."""
+    """An output exists already, and may not be replaced."""
 
     def __init__(self, path: object) -> None:
-        super().__init__(f"{path} already exists; pass --overwrite to replace it")
+        super().__init__(f"{path} already exists; pass {option_name('overwrite', True)} to replace it")
 
 
 @contextmanager
@@ -59,7 +60,7 @@ def os_error_line(error: OSError) -> str:
     """An error of the operating system as one line: the file and the reason."""
     reason = error.strerror or str(error) or type(error).__name__
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        reason += "; free some space, or write elsewhere (--out)"
+        reason += f"; free some space, or write elsewhere ({option_name('out')})"
     return f"{error.filename}: {reason}" if error.filename else reason
 
 

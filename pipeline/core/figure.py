@@ -18,6 +18,7 @@ class Figure(matplotlib.figure.Figure):
     """A matplotlib figure in which only the numbers of logarithmic axes are parsed as `$formulas$`."""
 
     def draw(self, renderer: Any) -> None:
+        """Draw the figure; texts from bags are made printable first."""
         for axes in self.axes:
             _make_labels_printable(axes.xaxis)
             _make_labels_printable(axes.yaxis)

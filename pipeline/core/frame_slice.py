@@ -41,7 +41,8 @@ class FrameSlice:
         """The indices of the selected ones of `count` frames. Raises UsageError if none is selected."""
         chosen = range(*slice(self.start, self.stop, self.step).indices(count))
         if not chosen:
-            raise UsageError(f"frames {self} select none of the bag's {count} frames")
+            known = f"; choose from 0 to {count - 1}" if count else ""
+            raise UsageError(f"frames {self} select none of the bag's {count} frames{known}")
         return chosen
 
     def __str__(self) -> str:

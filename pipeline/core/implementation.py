@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 
 Build = TypeVar("Build", bound=Callable[..., Any])
@@ -39,7 +40,7 @@ def find_implementation(key: str, name: str, known: Mapping[str, Build]) -> Buil
         return known[name]
     if ":" not in name:
         raise UsageError(
-            f"{key} {short_repr(name)} is unknown; known: {', '.join(known)}, or your own module:Class"
+            f"{key} {short_repr(name)} is unknown; {known_names(name, known)} (or your own module:Class)"
         )
     found: Build = import_object(name, f"{key} {name} cannot be loaded")
     if not callable(found):

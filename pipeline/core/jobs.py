@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, os_error_line
 from advpipe.pipeline.core.missing_library import missing_library_line
+from advpipe.pipeline.core.option_names import is_command_line, option_name, use_flags
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.verbosity import detail, silence_warnings
 
@@ -99,7 +100,9 @@ def _in_processes(
         for index in range(count):
             ours, theirs = context.Pipe(duplex=False)
             process = context.Process(
-                target=_serve, args=(theirs, pickle.dumps(prepare), list(jobs[index::count])), daemon=True
+                target=_serve,
+                args=(theirs, pickle.dumps(prepare), list(jobs[index::count]), is_command_line()),
+                daemon=True,
             )
             with signals.blocked(), _without_main():  # until the worker has set its handlers
                 process.start()
@@ -136,7 +139,7 @@ def _received_results(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
             except EOFError:
                 raise AdvpipeError(
                     "a worker process died (out of memory, or killed); run the command again to resume, "
-                    "with --workers 1 if memory is scarce"
+                    f"with {option_name('workers', 1)} if memory is scarce"
                 ) from None
             if isinstance(message, UnexpectedInWorkerError):
                 raise message from WorkerTracebackError(f"\n{message.traceback}")
@@ -148,18 +151,20 @@ def _received_results(pipes: list[Connection]) -> Iterator[tuple[int, Any]]:
                 yield message
 
 
-def _serve(pipe: Connection, pickled: bytes, jobs: list[int]) -> None:
+def _serve(pipe: Connection, pickled: bytes, jobs: list[int], names_flags: bool) -> None:
     """Run the jobs of a worker process; the parent handles signals, and the worker ends with its parent.
 
     pickled: `prepare`, whose libraries take seconds to load: the thread that watches the parent starts first.
+    names_flags: see `option_names.use_flags`.
     """
     signals.leave_to_parent()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     silence_warnings()
     try:
-        work: Callable[[int], Any] = pickle.loads(pickled)()
-        for job in jobs:
-            pipe.send((job, work(job)))
+        with use_flags(names_flags):
+            work: Callable[[int], Any] = pickle.loads(pickled)()
+            for job in jobs:
+                pipe.send((job, work(job)))
         pipe.send(None)
     except BrokenPipeError:
         return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from decimal import Decimal
 from functools import cache
 from typing import Annotated, Any
 
@@ -13,6 +14,9 @@ from pydantic_core import CoreSchema
 
 _NUMBER_STRING = re.compile(r"[-+]?[0-9]{1,30}(\.[0-9]{0,30})?[eE][-+]?[0-9]{1,4}")
 """A number that YAML 1.1 reads as a string: 1e6, since it has no decimal point."""
+
+_PERCENT = re.compile(r"([0-9]{1,30}(?:\.[0-9]{1,30})?) ?%")
+"""A share of a whole, in percent."""
 
 Number = Annotated[float, Strict()]
 """Any finite number; without `Strict`, pydantic would read true as 1 and the string "5" as 5."""
@@ -25,7 +29,18 @@ Switch = Annotated[bool, Strict()]
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
-Probability = Annotated[Number, Field(ge=0, le=1)]
+
+
+class IsShare:
+    """Marks a key that holds a share of a whole, which may be written in percent: 20% for 0.2."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [handler(schema), {"type": "string", "pattern": r"^[0-9]+(\.[0-9]+)? ?%$"}]}
+
+
+Probability = Annotated[Number, Field(ge=0, le=1), IsShare()]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
 """A name chosen by the user that becomes part of a topic or a frame."""
 
@@ -58,6 +73,16 @@ def parse_number(value: Any) -> Any:
     return float(value) if is_number else value
 
 
+def parse_share(value: Any) -> Any:
+    """The share that a string such as "20%" spells; any other value unchanged.
+
+    >>> parse_share("0.5 %")
+    0.005
+    """
+    match = _PERCENT.fullmatch(value) if isinstance(value, str) else None
+    return float(Decimal(match[1]) / 100) if match else value
+
+
 class Section(BaseModel):
     """The base of a frozen section; an unknown key and a number that is not finite are errors."""
 
@@ -66,11 +91,13 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _convert_numbers(cls, keys: Any) -> Any:
-        """Convert "1e6", a string in YAML 1.1, to a number, and 80.0 to 80 where a key takes integers."""
+        """Convert "1e6", a string in YAML 1.1, to a number; where a key takes integers, 80.0 to 80; where it
+        takes a share, 20% to 0.2."""
         if not isinstance(keys, dict):
             return keys
         types = _number_types(cls)
         converted = {key: written_number(keys[key], types[key]) for key in keys.keys() & types.keys()}
+        converted |= {key: parse_share(converted[key]) for key in converted.keys() & _shares(cls)}
         return {key: converted.get(key, value) for key, value in keys.items()}
 
 
@@ -79,6 +106,18 @@ def _number_types(section: type[Section]) -> dict[str, type]:
     """Float or int for each key that holds only numbers."""
     types = {name: {*leaves(field.annotation)} for name, field in section.model_fields.items()}
     return {name: found.pop() for name, found in types.items() if found in ({float}, {int})}
+
+
+@cache
+def _shares(section: type[Section]) -> frozenset[str]:
+    """The keys that hold a share of a whole."""
+    fields = section.model_fields.items()
+    return frozenset(name for name, field in fields if _has_share([*field.metadata, field.annotation]))
+
+
+def _has_share(parts: Iterable[Any]) -> bool:
+    """Whether any part of an annotation, however deep, is marked."""
+    return any(isinstance(part, IsShare) or _has_share(typing.get_args(part)) for part in parts)
 
 
 def leaves(annotation: Any) -> Iterator[Any]:

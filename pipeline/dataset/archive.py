@@ -63,7 +63,7 @@ def pack(
     if split_size_bytes is not None and split_size_bytes < tar_header.RECORD_BYTES:
         raise UsageError(f"parts of {split_size_bytes} bytes are too small; choose 1 MB or more")
     sums = checksums.of_files(files)
-    old = refuse_existing(archive, overwrite)
+    old = refuse_existing_archive(archive, overwrite)
     partial = PartialFolder(archive)
     try:
         with writing(archive):
@@ -77,7 +77,7 @@ def pack(
     return [archive.with_name(name) for name in made]
 
 
-def refuse_existing(archive: Path, overwrite: bool) -> list[Path]:
+def refuse_existing_archive(archive: Path, overwrite: bool) -> list[Path]:
     """Raises AdvpipeError for an output that exists, unless it may be replaced; returns what there is.
 
     Where a run was killed while it named an archive's files, the rest of them is named first.

@@ -72,6 +72,7 @@ class PartsWriter:
         self.count_bytes = 0
 
     def write(self, data: bytes) -> None:
+        """Append bytes, in further parts where one is full."""
         rest = memoryview(data)
         while rest:
             if self._stream is None:
@@ -94,6 +95,7 @@ class PartsWriter:
         self._room_bytes = self._split_size_bytes or 0
 
     def close_part(self) -> None:
+        """Close the open part, if there is one, and store its checksum."""
         if self._stream is not None:
             self._stream.close()
             self._digests[self._path.name] = self._hash.hexdigest()
@@ -144,6 +146,7 @@ class PartsReader:
             self._end_part()
 
     def close(self) -> None:
+        """Close the open part, if there is one."""
         if self._stream is not None:
             self._stream.close()
             self._stream = None

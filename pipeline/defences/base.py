@@ -53,10 +53,17 @@ class DefendedCloud:
 
 
 class Defence(Protocol):
-    """A defence on clouds. Its constructor takes the parameters, keyword-only, and checks them."""
+    """A defence on clouds. Its constructor takes the parameters, keyword-only, and checks them.
+
+    Each parameter is a number and has a default. One of your own is named `module:Class` or, with parameters,
+    `module:Class:radius_m=2`.
+    """
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
-        """The cloud (N,) for the detector; the input is not modified."""
+        """The cloud (N,) for the detector; the input is not modified.
+
+        Random numbers come from `rng` alone, which is the same for the clean and the adversarial cloud.
+        """
 
 
 def with_xyz(cloud: Cloud, points: npt.NDArray[np.floating]) -> Cloud:

@@ -1,15 +1,24 @@
-"""The defences by name, with parameters: `jitter`, `jitter:0.02`, `outliers:k=4,sigmas=2`."""
+"""The defences by name, with parameters: `jitter`, `jitter:0.02`, `outliers:k=4,sigmas=2`.
+
+A user's own is named `module:Class`, with parameters `module:Class:0.02`.
+"""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.defences.base import Defence
+from advpipe.pipeline.core.implementation import import_object
+from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.plugins import plugin_errors
+from advpipe.pipeline.defences.base import Defence, DefendedCloud
 from advpipe.pipeline.defences.placing import Flip, Scale, Shift
 from advpipe.pipeline.defences.rounding import Jitter, Quantisation
 from advpipe.pipeline.defences.thinning import OutlierRemoval, RandomSampling
+from advpipe.pipeline.messages.cloud import Cloud
 
 DEFENCES: dict[str, Callable[..., Defence]] = {
     "sample": RandomSampling,
@@ -25,8 +34,8 @@ DEFENCES: dict[str, Callable[..., Defence]] = {
 def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
     """Parse each `NAME[:VALUE|NAME=VALUE,...]`; the keys are full names, such as `jitter:sigma_m=0.01`.
 
-    A bare value sets the first parameter. Raises UsageError for an unknown name or parameter, a value that is
-    not a number or out of bounds, and a defence that is given twice.
+    A bare value sets the first parameter. Raises UsageError for an unknown name or parameter, a value that
+    is not a number or out of bounds, a class that cannot be loaded, and a defence that is given twice.
     """
     found: dict[str, Defence] = {}
     for text in texts:
@@ -38,25 +47,70 @@ def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
 
 
 def _parse(text: str) -> tuple[str, Defence]:
-    defence, _, rest = text.partition(":")
-    if defence not in DEFENCES:
-        raise UsageError(f"unknown defence {defence!r}; known: {', '.join(DEFENCES)}")
-    known = {
-        name: float(parameter.default)
-        for name, parameter in inspect.signature(DEFENCES[defence]).parameters.items()
-    }
+    name, rest = _name_and_parameters(text)
+    is_own = name not in DEFENCES
+    build = _own_class(name) if is_own else DEFENCES[name]
+    known = _defaults(name, build)
     given: dict[str, float] = {}
     for part in rest.split(",") if rest else []:
-        name, equals, value = part.partition("=")
+        parameter, equals, value = part.partition("=")
         if not equals:
-            name, value = next(iter(known), ""), part
-        if name not in known or name in given:
-            why = "given twice" if name in given else f"unknown; known: {', '.join(known) or 'none'}"
-            raise UsageError(f"defence {defence}: parameter {name or value!r} is {why}")
+            parameter, value = next(iter(known), ""), part
+        if parameter not in known or parameter in given:
+            choice = known_names(parameter, known) if known else "known: none"
+            why = "given twice" if parameter in given else f"unknown; {choice}"
+            raise UsageError(f"defence {name}: parameter {parameter or value!r} is {why}")
         try:
-            given[name] = float(value)
+            given[parameter] = float(value)
         except ValueError:
-            raise UsageError(f"defence {defence}: {name} is {value!r}, but must be a number") from None
+            raise UsageError(f"defence {name}: {parameter} is {value!r}, but must be a number") from None
     resolved = known | given
-    parameters = ",".join(f"{name}={value:g}" for name, value in resolved.items())
-    return f"{defence}:{parameters}" if parameters else defence, DEFENCES[defence](**resolved)
+    parameters = ",".join(f"{parameter}={value:g}" for parameter, value in resolved.items())
+    full_name = f"{name}:{parameters}" if parameters else name
+    return full_name, _own_defence(name, build, resolved) if is_own else build(**resolved)
+
+
+def _name_and_parameters(text: str) -> tuple[str, str]:
+    """The registered name or the user's `module:Class`, and what follows it. Raises UsageError for others."""
+    name, _, rest = text.partition(":")
+    if name in DEFENCES:
+        return name, rest
+    attribute, _, parameters = rest.partition(":")
+    if attribute.isidentifier():
+        return f"{name}:{attribute}", parameters
+    raise UsageError(f"unknown defence {name!r}; {known_names(name, DEFENCES)} (or your own module:Class)")
+
+
+def _own_class(name: str) -> Callable[..., Defence]:
+    found: Callable[..., Defence] = import_object(name, f"defence {name} cannot be loaded")
+    if not callable(found):
+        raise UsageError(f"defence {name} is not a class")
+    return found
+
+
+def _defaults(name: str, build: Callable[..., Defence]) -> dict[str, float]:
+    """The parameters of the constructor, each of which has a number as its default."""
+    try:
+        return {
+            parameter.name: float(parameter.default)
+            for parameter in inspect.signature(build).parameters.values()
+        }
+    except (TypeError, ValueError):
+        raise UsageError(
+            f"defence {name}: each parameter of its constructor needs a number as its default"
+        ) from None
+
+
+def _own_defence(name: str, build: Callable[..., Defence], parameters: dict[str, float]) -> Defence:
+    """A user's own defence, whose mistakes become one-line errors."""
+    with plugin_errors((name,)):
+        defence = build(**parameters)
+
+    def defend(cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
+        with plugin_errors((name,)):
+            defended = defence(cloud, rng)
+            if not isinstance(defended, DefendedCloud):
+                raise TypeError(f"returned {type(defended).__name__} instead of a DefendedCloud")
+        return defended
+
+    return defend

@@ -8,6 +8,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.option_names import option_name
 
 if TYPE_CHECKING:
     import torch
@@ -39,8 +40,8 @@ def open_device(name: str) -> torch.device:
     if not count:
         build = torch.__version__
         raise UsageError(
-            f"device {name}: PyTorch {build} finds no CUDA GPU; use --device cpu, or install PyTorch's CUDA "
-            "build and NVIDIA's driver"
+            f"device {name}: PyTorch {build} finds no CUDA GPU; use {option_name('device', 'cpu')}, or "
+            "install PyTorch's CUDA build and NVIDIA's driver"
         )
     if index >= count:
         raise UsageError(f"device {name}: the last of {count} CUDA GPUs is cuda:{count - 1}")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.detector.family import Family
 from advpipe.pipeline.detector.second.family import SecondFamily
@@ -16,7 +17,7 @@ FAMILIES: Mapping[str, Family] = {"second": SecondFamily()}
 def family_named(name: str) -> Family:
     """The family of that name. Raises UsageError, listing the known ones, for an unknown name."""
     if name not in FAMILIES:
-        raise UsageError(f"unknown detector family {short_repr(name)}; known: {', '.join(FAMILIES)}")
+        raise UsageError(f"unknown detector family {short_repr(name)}; {known_names(name, FAMILIES)}")
     return FAMILIES[name]
 
 

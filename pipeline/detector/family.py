@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.detector.common.preset import Preset
 
@@ -47,5 +48,5 @@ class Family(ABC):
     def preset(self, name: str) -> Preset:
         """The preset of that name. Raises UsageError, listing the known ones, for an unknown name."""
         if name not in self.presets:
-            raise UsageError(f"unknown detector preset {short_repr(name)}; known: {', '.join(self.presets)}")
+            raise UsageError(f"unknown detector preset {short_repr(name)}; {known_names(name, self.presets)}")
         return self.presets[name]

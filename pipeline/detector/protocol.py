@@ -148,9 +148,9 @@ class LossInput:
 class BatchDetector(VoxelDetector, Protocol):
     """A detector that computes several clouds in one pass, with the same results up to rounding.
 
-    Each `_batch` method returns for each cloud what the method without the suffix returns for one. The
-    losses of a batch may share a graph, so they are differentiated together. An invalid input, such
-    as points that are not finite, may fail the whole batch; its inputs are then computed one by one.
+    Each `_batch` method returns for each cloud (N_i, 4) what the method without the suffix returns for one.
+    The losses of a batch may share a graph, so they are differentiated together. An invalid input, such as
+    points that are not finite, may fail the whole batch; its inputs are then computed one by one.
     """
 
     def detect_batch(self, clouds: Sequence[Tensor]) -> list[Detections]:

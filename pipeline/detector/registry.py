@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.implementation import import_object
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
@@ -40,10 +41,9 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
         return load_checkpoint(Path(name_or_path), place).detector()
     if ":" in name_or_path:
         return _load_class(name_or_path, place)
-    known = ", ".join(shipped)
     raise UsageError(
-        f"unknown detector {short_repr(name_or_path)}; known: {known}, a path to FILE.safetensors, or "
-        "module:Class"
+        f"unknown detector {short_repr(name_or_path)}; {known_names(name_or_path, shipped)} "
+        "(or a path to FILE.safetensors, or module:Class)"
     )
 
 

@@ -37,10 +37,11 @@ _CLAIM_OF = {field: claim for claim, fields in CLAIM_FIELDS.items() for field in
 
 
 def undeclared_fields(changed: str, untrue: frozenset[str]) -> list[str]:
-    """The changed fields of a message, as `cam_values.changed_fields` gives them, that belong to no claim
-    declared untrue.
+    """The changed fields of a message (from `cam_values.changed_fields`) that belong to no claim declared
+    untrue.
 
-    What has no field of its own (`cam_values.OTHER`: confidences, the path history) goes with any claim.
+    Values without a field of their own (`cam_values.OTHER`: confidences, the path history) belong to every
+    claim.
     """
     return [
         field

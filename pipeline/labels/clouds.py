@@ -1,4 +1,4 @@
-"""What an attack did to clouds, as Parquet beside its bag: one row a touched point, and one row a frame."""
+"""What an attack did to clouds, as Parquet beside its bag: a row for each touched point and each frame."""
 
 from __future__ import annotations
 
@@ -39,14 +39,13 @@ FRAME_COLUMNS: Columns = {
     "loss_after": "float64",
     "note": "string",
 }
-"""Of `frames.parquet`: every frame of the attacked topics, also those left as they were.
+"""Of `frames.parquet`: every frame of the attacked topics, changed or not.
 
-attack: its name, "" where none was scheduled.
+attack: its name; "" where no attack was active.
 """
 
 GROUP_ROWS = 1 << 18
-"""Of labels at least, in a group of rows, of whole frames: whoever opens the file holds a
-kilobyte or more of each group."""
+"""Labels in a row group, at least, and of whole frames: a reader holds a kilobyte or more for each group."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class PointTables:
         self._points_writer.close()
 
     def add(self, frame: LabelledFrame, labels: PointLabels) -> None:
-        """One frame, in the order of the bag, and the labels of its touched points."""
+        """Write a frame, in the order of the bag, and the labels of its touched points."""
         import pyarrow as pa
 
         self._rows.append(
@@ -128,7 +127,7 @@ class PointTables:
 
 
 MOST_LABELS = 1 << 22
-"""Of one frame: twice the rays of the largest LiDAR that is simulated; real ones have a tenth."""
+"""Labels of one frame, at most: twice the rays of the largest simulated LiDAR; real ones have a tenth."""
 
 _READ = ("topic", "frame", "point", "action", "displacement_m")
 
@@ -143,10 +142,10 @@ class FrameLabels:
 
 
 def read_point_labels(path: Path) -> Iterator[FrameLabels]:
-    """The labels of one frame after the other, put together where a batch ends within it.
+    """The labels of each frame in turn, also where they span several batches.
 
-    Anybody may have written the file. Raises AdvpipeError for one that is no table of labels, or holds more
-    of one frame than any cloud has points.
+    The file is untrusted. Raises AdvpipeError for a file that is no table of labels, or that holds more
+    labels of one frame than any cloud has points.
     """
     topic, frame, held, count = "", -1, list[PointLabels](), 0
     for batch in batches(path, _READ):
@@ -172,5 +171,5 @@ def _joined(parts: Sequence[PointLabels]) -> PointLabels:
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("point", "action", "displacement_m")
     )
-    with np.errstate(invalid="ignore"):  # a point without a number becomes one that no cloud has
+    with np.errstate(invalid="ignore"):  # NaN becomes the index of no point
         return PointLabels(point.astype(np.int64), action, displacement_m.astype(np.float64))

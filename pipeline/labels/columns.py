@@ -1,4 +1,4 @@
-"""Columns of a table of labels, by name and type, as a schema of Parquet."""
+"""Columns of a table of labels, by name and type, as an Arrow schema."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 Type = Literal["int32", "int64", "uint32", "uint64", "float32", "float64", "bool", "string", "words"]
-"""As Arrow calls them; `words`: texts of which there are few different ones."""
+"""Types by their names in Arrow; `words`: strings with few distinct values, as a dictionary."""
 
 Columns = Mapping[str, Type]
 

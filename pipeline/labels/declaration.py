@@ -1,7 +1,7 @@
-"""What an attack declares of itself in the bag that it makes: `verify` and `evaluate` read it from there.
+"""What an attack declares about itself in its bag, for `verify` and `evaluate`.
 
-The attack's class may be a user's own, and is never loaded to read a bag. A declaration is a claim like any
-other in a bag: `verify` checks it against the bag.
+The attack's class may be a user's own, and is never loaded to read a bag. A declaration is untrusted:
+`verify` checks it against the bag.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from advpipe.pipeline.core.document import Count, Document, Number, ShortText
+from advpipe.pipeline.labels.cloud_quantity import CloudQuantity
 
 Family = Literal["gnss", "v2x", "lidar"]
 
 MOST_PARTS = 10_000
-"""Of a mix; as many as a list of names in a scenario file may make."""
+"""Parts of a mix, at most: as many as a list of names in a scenario file can hold."""
 _MOST_BOUNDS = 100
 
 Bounds = Annotated[dict[ShortText, tuple[Number, Number]], Field(max_length=_MOST_BOUNDS)]
-"""Least and most, by the name of a quantity of the attack's family (`quantity`), of each cloud, fix or
-message that is changed."""
+"""Minimum and maximum of a quantity (`quantity`) of the attack's family in each changed cloud, fix or
+message, by the name of the quantity."""
 
 
 class Published(Document):
@@ -38,12 +39,12 @@ class Published(Document):
 
 
 class Terms(Document):
-    """What an attack keeps to with its parameters, or a part of a mix.
+    """The limits of an attack with its parameters, or of a part of a mix.
 
-    bounds: what it keeps to in each cloud, fix or message that it changes. every_message_matters: whether all
-    its attackers' messages are false, whatever they say: of stations that do not exist, or are others,
-    or one too many. untrue: what it makes untrue in its attackers' own messages (`claims.Claim`); all other
-    fields of a message that it changes or delays stay as they are.
+    bounds: kept in each cloud, fix or message that it changes. every_message_matters: whether all messages of
+    its attackers are false whatever their contents: from stations that do not exist or are impersonated, or
+    superfluous. untrue: the claims that it falsifies in its attackers' own messages (`claims.Claim`); all
+    other fields of a message that it changes or delays stay as they are.
     """
 
     bounds: Bounds = Field(default_factory=dict)
@@ -59,16 +60,20 @@ class DeclaredPart(Terms):
 
 
 class Declaration(Terms):
-    """An attack with its parameters. parts: of a mix, what each attacker draws one of, in the order of the
-    draw."""
+    """An attack with its parameters.
+
+    parts: of a mix, what each attacker draws one of, in the order of the draw. quantities: of an attack on
+    clouds, those of its bounds that are its own: how to measure them.
+    """
 
     family: Family
+    quantities: Annotated[tuple[CloudQuantity, ...], Field(max_length=_MOST_BOUNDS)] = ()
     parts: Annotated[tuple[DeclaredPart, ...], Field(max_length=MOST_PARTS)] = ()
 
     def part(self, name: str) -> DeclaredPart | None:
-        """The part of this name; None where it is none of them."""
+        """The part of this name; None if there is none."""
         return next((part for part in self.parts if part.name == name), None)
 
     def plain(self) -> dict[str, Any]:
-        """As it is written into a bag: without what has its default."""
+        """The declaration as written into a bag: without values that are the defaults."""
         return self.model_dump(mode="json", exclude_defaults=True)

@@ -13,7 +13,7 @@ from advpipe.pipeline.labels.quantity import Quantity
 
 @dataclass(frozen=True)
 class FixChange:
-    """A fix while an attack is on: the false place minus the true one (3,), east, north and up in metres."""
+    """An attacked fix: the false position minus the true one (3,), east, north and up in metres."""
 
     offset_m: Float64
 

@@ -1,4 +1,4 @@
-"""What GPS attacks did to fixes, as Parquet beside an adversarial bag: one row a fix of each victim."""
+"""What GNSS attacks did to fixes, as Parquet beside an adversarial bag: a row for each fix of each victim."""
 
 from __future__ import annotations
 

@@ -17,9 +17,9 @@ from advpipe.pipeline.v2x.facilities.cam_values import Values, places_m
 class MessageChange:
     """A message as one attack was given it and as it handed it on.
 
-    before, after: what it says; None for what is no CAM, and of an added message. delay_s: how much later it
-    is sent, 0 for one that is only changed; None for an added one. added_in_a_second: of an added one, how
-    many its attacker has added in the second that ends with it, itself included.
+    before, after: its values; None if it is no CAM or was added. delay_s: how much later it is sent, 0 for a
+    message that is only changed; None for an added one. added_in_a_second: for an added message, how many its
+    attacker has added in the second that ends with it, itself included.
     """
 
     geodesy: Geodesy
@@ -37,7 +37,7 @@ def _position_offset_m(change: MessageChange) -> float | None:
 
 def _speed_offset_mps(change: MessageChange) -> float | None:
     before_mps, after_mps = (
-        None if said is None else said["speed_mps"] for said in (change.before, change.after)
+        None if claims is None else claims["speed_mps"] for claims in (change.before, change.after)
     )
     if before_mps is None or after_mps is None:
         return None
@@ -60,8 +60,8 @@ SPEED_OFFSET = Quantity[MessageChange](
     _speed_offset_mps,
     resolution=1 / q.SPEED.per_unit,
 )
-"""Where both state a speed, which a CAM rounds up; what is beyond its range counts as the most that
-it can."""
+"""Where both state a speed, which a CAM rounds up; a speed beyond its range counts as the maximum of the
+range."""
 DELAY = Quantity[MessageChange]("delay_s", "s", "delay of a message", lambda change: change.delay_s)
 MESSAGES_ADDED = Quantity[MessageChange](
     "messages_added_per_s",

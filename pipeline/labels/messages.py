@@ -62,7 +62,7 @@ _READ: dict[str, ColumnType] = {
 
 @dataclass(frozen=True, slots=True)
 class MessageLabel:
-    """A message that an attack changed: the attacker, the attack, what was done, and whether it mattered."""
+    """A message that an attack changed: the attacker, the attack, the action, and whether it mattered."""
 
     number: int
     attack: str
@@ -94,7 +94,7 @@ class MessageLabel:
 
 
 def read_labels(bag: Path) -> list[MessageLabel]:
-    """The labels of an adversarial bag, in their order; none for a bag without attacks on messages.
+    """The labels of an adversarial bag in their order; empty for a bag without attacks on messages.
 
     bag: its folder, or the file in it. Raises AdvpipeError for a file that holds no labels.
     """
@@ -119,7 +119,7 @@ def _label(row: dict[str, Any]) -> MessageLabel:
 
 
 def has_labels(bag: Path) -> bool:
-    """Whether messages of a bag were attacked, if only in vain."""
+    """Whether attacks on messages made the bag, even if they changed none."""
     return _path(bag).exists()
 
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 MOVED, ADDED, REMOVED = "moved", "added", "removed"
 ACTIONS = (REMOVED, MOVED, ADDED)
-"""Moved: it stands elsewhere, or only reflects otherwise. Added: the clean cloud does not hold it. Removed:
-the adversarial cloud no longer holds it."""
+"""Moved: the point has other coordinates or another intensity. Added: the clean cloud does not have it.
+Removed: the adversarial cloud does not have it."""
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class PointLabels:
 
     point: (K,) int64, index in the clean cloud, ascending; -1 for an added point.
     action: (K,) str, what was done to it, one of `ACTIONS`.
-    displacement_m: (K,) float64, how far it was moved, or an added one stands from the nearest clean point;
-    NaN for a removed point.
+    displacement_m: (K,) float64, how far it was moved, or the distance of an added point to the nearest clean
+    point; NaN for a removed point.
     """
 
     point: npt.NDArray[np.int64]
@@ -32,5 +32,5 @@ class PointLabels:
 
     @staticmethod
     def removed(points: npt.NDArray[np.int64]) -> PointLabels:
-        """Labels of points (K,) that were taken away."""
+        """Labels of removed points (K,)."""
         return PointLabels(np.sort(points), np.full(len(points), REMOVED), np.full(len(points), np.nan))

@@ -1,6 +1,6 @@
 """A number that can be measured of what an attack changed: attacks bound it, and `verify` measures it again.
 
-Those of clouds, fixes and messages: `quantities`, `fix_quantities` and `message_quantities`.
+Quantities of clouds, fixes and messages: `quantities`, `fix_quantities` and `message_quantities`.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 ROUNDING = 1e-6
-"""Beyond its bound, a quantity may be this much, and this share of it: machines add up in other orders."""
+"""A quantity may exceed its bound by this much and this share of it: machines sum in different orders."""
 
 C = TypeVar("C")
 
 Range = tuple[float, float]
-"""Least and most of a quantity."""
+"""Minimum and maximum of a quantity."""
 
 
 @dataclass(frozen=True)
 class Quantity(Generic[C]):
     """A number that can be measured of any change of one family.
 
-    unit: "1" of counts and shares. measure: None where a change has no such number. resolution: how far from
-    the attack's own number it may come out, as messages quantise it.
+    unit: "1" for counts and shares. measure: returns None where a change has no such number. resolution: how
+    far it may differ from the attack's own number, since messages quantise it.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Quantity(Generic[C]):
     resolution: float = 0.0
 
     def excess(self, change: C, least: float, most: float) -> str:
-        """How a change is beyond its bounds, in words; "" where it keeps to them."""
+        """A sentence on how a change exceeds these bounds; "" if it keeps them."""
         value = self.measure(change)
         if value is None or least - self._slack(least) <= value <= most + self._slack(most):
             return ""
@@ -46,8 +46,7 @@ class Quantity(Generic[C]):
 
 
 def excesses(change: C, bounds: Mapping[str, Range], quantities: Mapping[str, Quantity[C]]) -> Iterator[str]:
-    """How a change is beyond the bounds that were declared, one line each. Raises KeyError for a quantity
-    that is none."""
+    """A sentence for each declared bound that a change exceeds. Raises KeyError for an unknown quantity."""
     for name, (least, most) in bounds.items():
         if found := quantities[name].excess(change, least, most):
             yield found
@@ -56,7 +55,7 @@ def excesses(change: C, bounds: Mapping[str, Range], quantities: Mapping[str, Qu
 def beyond_all(
     change: C, candidates: Sequence[Mapping[str, Range]], quantities: Mapping[str, Quantity[C]]
 ) -> str:
-    """How a change is beyond the bounds of every attack that could have made it; "" where it keeps to those
-    of one, or nobody is known who could."""
+    """A sentence on how a change exceeds the bounds of every attack that could have made it; "" if it keeps
+    those of one attack, or if no such attack is known."""
     found = [next(excesses(change, bounds, quantities), "") for bounds in candidates]
     return found[0] if all(found) and found else ""

@@ -35,7 +35,7 @@ def time(stamp_ns: int) -> Any:
 
 
 def message_header(stamp_ns: int, frame_id: str) -> Any:
-    """std_msgs/Header."""
+    """The header (std_msgs/msg/Header) of a measurement at `stamp_ns` nanoseconds in a frame."""
     return _Header(stamp=time(stamp_ns), frame_id=frame_id)
 
 

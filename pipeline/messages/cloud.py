@@ -50,8 +50,13 @@ def cloud_to_cdr(cloud: Cloud, stamp_ns: int, frame_id: str) -> bytes:
     is_dense = bool(
         np.isfinite(cloud["x"]).all() & np.isfinite(cloud["y"]).all() & np.isfinite(cloud["z"]).all()
     )
-    data = cloud.tobytes()
-    empty = _point_cloud2(len(cloud), stamp_ns, frame_id, is_dense)
+    return points_to_cdr(cloud, stamp_ns, frame_id, is_dense)
+
+
+def points_to_cdr(points: Cloud, stamp_ns: int, frame_id: str, is_dense: bool = True) -> bytes:
+    """Serialise points (N,) of any structured type with x, y and z as sensor_msgs/PointCloud2."""
+    data = points.tobytes()
+    empty = _point_cloud2(points.dtype, len(points), stamp_ns, frame_id, is_dense)
     # The message ends with the length of the points, the points and is_dense: insert the points.
     prefix, suffix = empty[: -(_LENGTH.size + 1)], empty[-1:]
     return b"".join((prefix, _LENGTH.pack(len(data)), data, suffix))
@@ -86,15 +91,17 @@ class _Layout(NamedTuple):
 
 _LENGTH = struct.Struct("<I")
 _POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-_OWN_FIELD_TYPES = {"f4": 7, "u2": 4}
+_OWN_FIELD_TYPES = {"f4": 7, "u2": 4, "u1": 2}
 
 
-def _point_cloud2(points: int, stamp_ns: int, frame_id: str, is_dense: bool) -> bytes:
+def _point_cloud2(
+    point_dtype: np.dtype[np.void], points: int, stamp_ns: int, frame_id: str, is_dense: bool
+) -> bytes:
     """A serialised PointCloud2 whose header declares `points` points, but without their data."""
     PointField = message_class("sensor_msgs/msg/PointField")
     fields = []
-    for name in POINT_DTYPE.names or ():
-        dtype, offset = POINT_DTYPE.fields[name][:2]  # type: ignore[index]
+    for name in point_dtype.names or ():
+        dtype, offset = point_dtype.fields[name][:2]  # type: ignore[index]
         datatype = _OWN_FIELD_TYPES[dtype.str[1:]]
         fields.append(PointField(name=name, offset=offset, datatype=datatype, count=1))
     message = message_class("sensor_msgs/msg/PointCloud2")(
@@ -103,8 +110,8 @@ def _point_cloud2(points: int, stamp_ns: int, frame_id: str, is_dense: bool) -> 
         width=points,
         fields=fields,
         is_bigendian=False,
-        point_step=POINT_DTYPE.itemsize,
-        row_step=points * POINT_DTYPE.itemsize,
+        point_step=point_dtype.itemsize,
+        row_step=points * point_dtype.itemsize,
         data=np.zeros(0, np.uint8),
         is_dense=is_dense,
     )

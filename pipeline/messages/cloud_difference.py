@@ -1,4 +1,4 @@
-"""What an attack did to a cloud, told from the clean and the adversarial cloud alone."""
+"""What an attack did to a cloud, from the clean and the adversarial cloud alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class CloudDifference:
 
     @property
     def max_displacement_m(self) -> float:
-        """The longest way that a point was moved; 0 where none was."""
+        """The largest displacement of a point; 0 where no point was moved."""
         return float(self.displacement_m.max(initial=0.0))
 
 
@@ -56,7 +56,7 @@ def cloud_difference(clean: Cloud, adversarial: Cloud) -> CloudDifference:
 
 
 def _words(cloud: Cloud) -> npt.NDArray[np.uint64]:
-    """The bytes of each point, filled up to whole words: (N, 3) uint64."""
+    """The bytes of each point, padded to whole 64-bit words: (N, 3) uint64."""
     rows = np.zeros((len(cloud), 24), dtype=np.uint8)
     rows[:, : cloud.dtype.itemsize] = np.ascontiguousarray(cloud).view((np.uint8, cloud.dtype.itemsize))
     return rows.view(np.uint64)

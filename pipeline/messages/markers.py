@@ -29,9 +29,9 @@ Lane = tuple[Float64, float]
 def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
     """One cube for each box in the frame `frame_id`, coloured by class, and a marker that clears old ones."""
     Marker = message_class("visualization_msgs/msg/Marker")
-    clear = _marker(stamp_ns, frame_id, action=Marker.DELETEALL)
+    clear = marker(stamp_ns, frame_id, action=Marker.DELETEALL)
     cubes = [
-        _marker(
+        marker(
             stamp_ns,
             frame_id,
             action=Marker.ADD,
@@ -40,7 +40,7 @@ def markers(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
             id=number,
             pose=box_pose(box),
             scale=vector3(box[3:6]),
-            color=_colour(CLASS_COLOURS_RGB[CLASSES[label]]),
+            color=colour(CLASS_COLOURS_RGB[CLASSES[label]]),
         )
         for number, (box, label) in enumerate(zip(boxes.geometry, boxes.labels, strict=True))
     ]
@@ -51,7 +51,7 @@ def lane_markers(stamp_ns: int, frame_id: str, lanes: Sequence[Lane]) -> Any:
     """One line for each lane along its centre line, as wide as the lane."""
     Marker, Point = message_class("visualization_msgs/msg/Marker"), message_class("geometry_msgs/msg/Point")
     lines = [
-        _marker(
+        marker(
             stamp_ns,
             frame_id,
             action=Marker.ADD,
@@ -59,7 +59,7 @@ def lane_markers(stamp_ns: int, frame_id: str, lanes: Sequence[Lane]) -> Any:
             ns="lanes",
             id=number,
             scale=vector3([width_m, 0, 0]),
-            color=_colour((LANE_GREY,) * 3),
+            color=colour((LANE_GREY,) * 3),
             points=[Point(x=x, y=y, z=z) for x, y, z in centre_line_m.tolist()],
         )
         for number, (centre_line_m, width_m) in enumerate(lanes)
@@ -74,12 +74,12 @@ def lanes_of_markers(message: Any) -> Iterable[Lane]:
 
 
 @cache
-def _colour(rgb: tuple[float, ...]) -> Any:
+def colour(rgb: tuple[float, ...]) -> Any:
     red, green, blue = rgb
     return message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=OPACITY)
 
 
-def _marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
+def marker(stamp_ns: int, frame_id: str, **values: Any) -> Any:
     parts = {**_defaults(), "header": message_header(stamp_ns, frame_id), **values}
     return message_class("visualization_msgs/msg/Marker")(**parts)
 

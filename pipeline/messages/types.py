@@ -42,7 +42,10 @@ def typestore() -> Typestore:
 
 @cache
 def message_class(type_name: str) -> Any:
-    """The dataclass of a type, e.g. "std_msgs/msg/Header". Raises KeyError for an unknown type."""
+    """The dataclass of a ROS 2 type, such as `message_class("std_msgs/msg/Header")`.
+
+    Raises KeyError for a type that neither ROS 2 Humble's common packages nor advpipe's own define.
+    """
     return _store_of(type_name).types[type_name]
 
 
@@ -99,7 +102,8 @@ def missing_field(store: Typestore, type_name: str) -> str:
 
 
 def serialise(message: object, type_name: str) -> bytes:
-    """Serialise a message to little-endian CDR, including the four bytes of the encapsulation header."""
+    """The message, an instance of `message_class(type_name)`, in little-endian CDR with its header of four
+    bytes."""
     return bytes(_store_of(type_name).serialize_cdr(message, type_name))
 
 

@@ -46,6 +46,7 @@ class RecallPositions:
 
     @property
     def count(self) -> int:
+        """The number of recall positions."""
         return self.steps + self.with_zero
 
 

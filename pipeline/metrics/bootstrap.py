@@ -69,6 +69,7 @@ class BlockBootstrap:
 
     @property
     def n_blocks(self) -> int:
+        """The number of blocks that each draw takes."""
         return int(self.times.shape[1])
 
     @property

@@ -51,6 +51,7 @@ class Claim(NamedTuple):
 
     @property
     def is_cam(self) -> bool:
+        """Whether the claim is from a CAM: it has a station id."""
         return self.station_id >= 0
 
 

@@ -29,6 +29,7 @@ class Check(NamedTuple):
 
     @property
     def is_tuned(self) -> bool:
+        """Whether the threshold was tuned, rather than taken from a rule."""
         return self.rule is None
 
 

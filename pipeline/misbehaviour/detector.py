@@ -36,7 +36,7 @@ class Judgement(NamedTuple):
 
 
 @dataclass
-class _Station:
+class _StationMemory:
     """The memory of one station id: its trusted messages, and its suspect ones."""
 
     trusted: Track | None = None
@@ -53,7 +53,7 @@ class MisbehaviourDetector:
     def __init__(self, config: DetectorConfig) -> None:
         self._config = config
         self._limits = [config.thresholds.get(name, math.inf) for name in CHECKS]
-        self._stations: dict[int, _Station] = {}
+        self._stations: dict[int, _StationMemory] = {}
         self._first_ns: int | None = None
         self._swept_ns = 0
 
@@ -66,7 +66,7 @@ class MisbehaviourDetector:
         if not claim.is_cam or not math.isfinite(claim.x_m):
             return list(values.values()), self._is_bad(list(values.values()))
         self._sweep(claim)
-        station = self._stations.setdefault(claim.station_id, _Station())
+        station = self._stations.setdefault(claim.station_id, _StationMemory())
         self._forget(station, claim)
         track, continues_suspect = self._track(station, claim)
         values["branch"] = float(continues_suspect)
@@ -97,14 +97,14 @@ class MisbehaviourDetector:
                 self._forget(station, claim)
             self._stations = {n: one for n, one in self._stations.items() if one.trusted or one.suspect}
 
-    def _forget(self, station: _Station, claim: Claim) -> None:
+    def _forget(self, station: _StationMemory, claim: Claim) -> None:
         memory_ns = self._config.memory_s * 1e9
         if station.trusted is not None and claim.arrival_ns - station.trusted.last.arrival_ns > memory_ns:
             station.trusted = None
         if station.suspect is not None and claim.arrival_ns - station.suspect.last.arrival_ns > memory_ns:
             station.suspect = None
 
-    def _track(self, station: _Station, claim: Claim) -> tuple[Track | None, bool]:
+    def _track(self, station: _StationMemory, claim: Claim) -> tuple[Track | None, bool]:
         """The track that this message continues, and whether that track is suspect."""
         trusted, suspect = station.trusted, station.suspect
         if trusted is None or suspect is None:
@@ -140,7 +140,7 @@ class MisbehaviourDetector:
         values["impulse"] = track.impulse(claim, self._config)
         values["kalman"] = track.innovation(claim)
 
-    def _overlap(self, claim: Claim, receiver: ReceivingVehicle, own: _Station) -> float:
+    def _overlap(self, claim: Claim, receiver: ReceivingVehicle, own: _StationMemory) -> float:
         """Overlap with the receiver and with trusted stations; of two stations, the newer one is flagged."""
         box = checks.claimed_box(claim, claim.arrival_ns)
         if box is None:
@@ -164,7 +164,7 @@ class MisbehaviourDetector:
 
     def _remember(
         self,
-        station: _Station,
+        station: _StationMemory,
         claim: Claim,
         track: Track | None,
         continues_suspect: bool,

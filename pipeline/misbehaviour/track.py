@@ -43,6 +43,7 @@ class Track:
 
     @property
     def last(self) -> Claim:
+        """The newest claim."""
         return self._points[-1].claim
 
     @property

@@ -1,8 +1,7 @@
-"""Loads scenario files, applies overrides, and reports errors with the line and the nearest known key."""
+"""Loads scenario files and applies overrides."""
 
 from __future__ import annotations
 
-import difflib
 import os
 import typing
 from collections.abc import Mapping, Sequence
@@ -14,10 +13,13 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.nearest import suggestion
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.section import IsFile
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
+from advpipe.pipeline.scenario.mistakes import mistakes_line
 from advpipe.pipeline.scenario.models import Scenario
 
 
@@ -54,7 +56,7 @@ def load_scenario(
     try:
         return Scenario.model_validate(tree)
     except ValidationError as error:
-        raise AdvpipeError(_error_line(error, path, document, overridden)) from None
+        raise AdvpipeError(mistakes_line(error, path, document, overridden)) from None
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -87,9 +89,10 @@ def _find(name_or_path: str) -> Path:
         return path
     if os.path.isdir(path):
         raise AdvpipeError(f"{path} is a folder; give a scenario file")
-    hint = _nearest(shorten(name_or_path), list(shipped), otherwise="")
+    hint = suggestion(name_or_path, shipped)
     raise AdvpipeError(
-        f"no scenario {short_repr(name_or_path)}: neither a file nor one of {', '.join(shipped)}{hint}"
+        f"no scenario {short_repr(name_or_path)}: neither a file nor one of {', '.join(shipped)}"
+        f"{'; ' if hint else ''}{hint}"
     )
 
 
@@ -152,8 +155,6 @@ FILE_PLACES = _file_places(Scenario)
 MOST_KEYS = 12
 """Keys in a path of `--set`; no key of a scenario is nested so deeply."""
 
-LONGEST_MESSAGE = 1000
-
 
 def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
     for section, key in _files(tree):
@@ -168,13 +169,14 @@ def _make_paths_absolute(tree: dict[str, Any], folder: Path) -> None:
 
 def _setting(override: str) -> tuple[str, object]:
     """The key path and the value of an override `section.key=value`."""
+    where = f"{option_name('settings')} {short_repr(override)}"
     place, equals, text = override.partition("=")
     if not equals or not _is_place(place):
-        raise AdvpipeError(f"--set {short_repr(override)}: write section.key=value")
+        raise AdvpipeError(f"{where}: write section.key=value")
     try:
         return place, read_document(text).tree
     except DocumentError as error:
-        raise AdvpipeError(f"--set {short_repr(override)}: the value cannot be read: {error}") from None
+        raise AdvpipeError(f"{where}: the value cannot be read: {error}") from None
 
 
 def _is_place(place: str) -> bool:
@@ -190,7 +192,9 @@ def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
-            raise AdvpipeError(f"--set {short_repr(place)}: {shorten(key)} is a value, not a section")
+            raise AdvpipeError(
+                f"{option_name('settings')} {short_repr(place)}: {shorten(key)} is a value, not a section"
+            )
     if keys[:-1] == ["map"] and keys[-1] in MAP_SOURCES:
         for other in MAP_SOURCES:
             section.pop(other, None)
@@ -200,48 +204,3 @@ def _apply(tree: dict[str, Any], place: str, value: object) -> tuple[str, ...]:
             if holder is section and key == keys[-1]:
                 section[key] = str(Path(value).absolute())
     return tuple(keys)
-
-
-def _error_line(
-    error: ValidationError, path: Path, document: ScenarioText, overridden: Sequence[tuple[str, ...]]
-) -> str:
-    """The first error in one line: file and line, or `--set`; the key; what is wrong; the nearest key."""
-    first = error.errors()[0]
-    place = tuple(str(part) for part in first["loc"] if part != "[key]")
-    message = shorten(first["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
-    if first["type"] == "extra_forbidden":
-        message = f"unknown key{_nearest(shorten(place[-1]), _keys_at(place[:-1]))}"
-    elif first["type"] == "missing":
-        message = "is missing"
-    elif not isinstance(first["input"], dict):
-        message = f"{message}, not {short_repr(first['input'])}"
-    where = ".".join(map(shorten, place)) + ": " if place else ""
-    if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
-        where = f"--set {where}"
-    else:
-        lines = document.lines()
-        line = lines.get(place) or lines.get(tuple(part for part in place if not part.isdigit()))
-        where = f"{path}: " + (f"{where[:-2]} (line {line}): " if line else where)
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return " ".join(f"{where}{message}{more}".split())
-
-
-def _keys_at(place: tuple[str, ...]) -> list[str]:
-    model: type[BaseModel] = Scenario
-    for part in place:
-        annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
-        model = next(iter(_models_in(annotation)), model)
-    return list(model.model_fields)
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
-
-
-def _nearest(name: str, known: list[str], otherwise: str | None = None) -> str:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; known: {', '.join(known)}" if otherwise is None else otherwise

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.section import Implementation, Name, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.environment import Environment
@@ -74,7 +75,7 @@ class Scenario(Section):
             ),
         ):
             if body not in known:
-                raise ValueError(f"{place} is not a known body; known: {', '.join(known)}")
+                raise ValueError(f"{place} is not a known body; {known_names(body, known)}")
         return self
 
     @model_validator(mode="after")

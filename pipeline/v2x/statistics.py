@@ -106,6 +106,7 @@ class Statistics:
         return lines
 
     def to_json(self) -> str:
+        """All values as one JSON document."""
         return json.dumps(asdict(self))
 
 

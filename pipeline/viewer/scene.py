@@ -96,3 +96,8 @@ class ViewerScene:
         if self.attacked is None:
             return cloud_difference(self.clean[:0], self.clean[:0])
         return cloud_difference(self.clean, self.attacked)
+
+
+def object_title(class_name: str, id: str) -> str:
+    """Such as `car parked.88`, or `pedestrian.76` where the id tells the class."""
+    return id if id.startswith(class_name) else f"{class_name} {id}".strip()

@@ -1,4 +1,4 @@
-"""What any attack declares of itself, on its class: the bases of the three families build on this."""
+"""What every attack declares on its class; the bases of the three families build on this."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from advpipe.pipeline.labels.quantity import Quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Traits:
-    """What is known of an attack whatever its parameters.
+    """Properties of an attack that do not depend on its parameters.
 
-    also_known_as: what papers call it, in lower case; taken for its name on the command line and in files.
+    also_known_as: the names that papers give it, in lower case; the command line and files accept them, too.
     """
 
     also_known_as: tuple[str, ...] = ()
 
 
 class Attack(ABC):
-    """One of the three families' bases is what an attack inherits from: `LidarAttack`, `V2xAttack` or
-    `GnssAttack`. A class that lacks what its base asks for is refused when it is registered or loaded.
+    """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack` or `GnssAttack`.
 
-    family: by the base class. own_keys: of an attack in a scenario file, those that this family alone knows.
-    traits_type: what `traits` has to be. quantities: what its bounds may be of, by name.
+    A class that lacks what its base requires is refused when it is registered or loaded. family: follows from
+    the base class. own_keys: keys of an attack in a scenario file that only this family has. traits_type: the
+    class of `traits`. quantities: those of its family, by name.
     """
 
     family: ClassVar[Family]
@@ -41,31 +41,38 @@ class Attack(ABC):
     @property
     @abstractmethod
     def traits(self) -> Traits:
-        """What is known of the attack, in the body of its own class: a parent's is that of another attack."""
+        """The attack's properties, defined in its own class: a parent's describe another attack."""
+
+    @classmethod
+    def measurable(cls) -> Mapping[str, Quantity[Any]]:
+        """What its bounds may be of, by name."""
+        return cls.quantities
 
 
-def refuse_undeclared(kind: type[Attack]) -> None:
-    """Raises AdvpipeError, one line, for a class that does not declare all that its base asks for."""
-    name = f"{kind.__module__}:{kind.__qualname__}"
-    if missing := sorted(kind.__abstractmethods__ if inspect.isabstract(kind) else ()):
-        raise UsageError(f"{name} is no whole attack: it lacks {', '.join(missing)}; see its base class")
-    if "traits" not in vars(kind):
-        raise UsageError(f"{name} declares no traits of its own, only its parent's; give it some")
-    if not isinstance(found := vars(kind)["traits"], kind.traits_type):
-        raise UsageError(f"{name}: traits are {type(found).__name__}, no {kind.traits_type.__name__}")
+def refuse_undeclared(attack_class: type[Attack]) -> None:
+    """Raises AdvpipeError, one line, for a class that does not declare all that its base requires."""
+    name = f"{attack_class.__module__}:{attack_class.__qualname__}"
+    if missing := sorted(attack_class.__abstractmethods__ if inspect.isabstract(attack_class) else ()):
+        raise UsageError(f"{name} is incomplete: it lacks {', '.join(missing)}; see its base class")
+    if "traits" not in vars(attack_class):
+        raise UsageError(f"{name} inherits the traits of its parent; define its own")
+    if not isinstance(found := vars(attack_class)["traits"], attack_class.traits_type):
+        raise UsageError(
+            f"{name}: traits are {type(found).__name__}, not {attack_class.traits_type.__name__}"
+        )
 
 
 def checked_bounds(
-    attack: str, kind: type[Attack], bounds: Mapping[str, tuple[float, float]]
+    attack: str, attack_class: type[Attack], bounds: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """The bounds as numbers. Raises AdvpipeError for a quantity that nobody measures, and for one that is not
-    finite."""
-    checked = {}
+    """The bounds as numbers. Raises AdvpipeError for a quantity that is not measured, and for a bound that is
+    not finite."""
+    checked, measurable = {}, attack_class.measurable()
     for name, (least, most) in bounds.items():
-        if name not in kind.quantities:
-            known = ", ".join(kind.quantities)
-            raise UsageError(f"{attack} bounds {short_repr(name)}, which nobody measures; known: {known}")
+        if name not in measurable:
+            known = ", ".join(measurable)
+            raise UsageError(f"{attack} bounds {short_repr(name)}, which is not measured; known: {known}")
         if not math.isfinite(float(least) - float(most)):
-            raise UsageError(f"{attack} bounds {name} by {least} to {most}, which are no finite numbers")
+            raise UsageError(f"{attack} bounds {name} by {least} to {most}, which are not finite numbers")
         checked[name] = float(least), float(most)
     return checked

@@ -1,4 +1,4 @@
-"""Parameters of attacks on messages and fixes, checked as they come from the command line or a scenario."""
+"""Checks of parameters as the command line or a scenario gives them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Collection
 from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 
 
 def checked_number(attack: str, parameter: str, value: Any, low: float, high: float = math.inf) -> float:
-    """The value; raises AdvpipeError, with the attack's and the parameter's names, where it is no finite
-    number or outside of [low, high]."""
+    """The value. Raises AdvpipeError, with the names of attack and parameter, if it is not a finite number in
+    [low, high]."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_within(value, low, high):
         limits = f"at least {low:g}" if high == math.inf else f"{low:g} to {high:g}"
         raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; it takes a number, {limits}")
@@ -20,11 +21,12 @@ def checked_number(attack: str, parameter: str, value: Any, low: float, high: fl
 
 
 def is_within(value: float, low: float, high: float) -> bool:
+    """Whether a value is finite and in [low, high]."""
     return math.isfinite(value) and low <= value <= high
 
 
 def checked_integer(attack: str, parameter: str, value: Any, low: int, high: int) -> int:
-    """The same for whole numbers."""
+    """`checked_number` for whole numbers."""
     if int(checked_number(attack, parameter, value, low, high)) != value:
         raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; it takes a whole number")
     return int(value)
@@ -45,7 +47,7 @@ def checked_range(
 
 
 def checked_choice(attack: str, parameter: str, value: Any, known: Collection[str]) -> str:
-    """One of the known words."""
+    """The value, one of the known ones. Raises AdvpipeError for any other."""
     if value not in known:
-        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; known: {', '.join(known)}")
+        raise UsageError(f"{attack}: {parameter} is {short_repr(value)}; {known_names(value, known)}")
     return str(value)

@@ -1,4 +1,4 @@
-"""What attacks on messages do to a bag: some topics are replaced, and the rest stays as it is."""
+"""The changes that attacks on messages make to a bag: some topics are replaced, the others stay."""
 
 from __future__ import annotations
 
@@ -10,30 +10,33 @@ from typing import Protocol
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.stages.attack.debug import DebugMessages
 
 
 class Change(Protocol):
-    """The new messages of some topics of a bag, and what is to be known about them."""
+    """The new messages of some topics of a bag, with labels and counts."""
 
     @property
     def topics(self) -> frozenset[str]:
-        """Those that are replaced wholly."""
+        """The topics whose messages are all replaced."""
 
     def messages(self) -> Iterator[RawMessage]:
         """All messages of these topics, in log-time order."""
 
     def write_labels(self, folder: Path) -> None:
-        """Parquet files that say what was changed, beside the bag."""
+        """Write Parquet files with the labels of the changes beside the bag."""
 
     def counts(self) -> Counter[str]:
-        """How much of what was changed, in the words of the summary; after `write_labels`."""
+        """The number of changes by their names in the summary; call it after `write_labels`."""
 
 
-def changed_messages(reader: BagReader, changes: Sequence[Change]) -> Iterator[RawMessage]:
-    """All messages of a bag in log-time order, those of the changes instead of its own.
+def changed_messages(
+    reader: BagReader, changes: Sequence[Change], debug: DebugMessages | None = None
+) -> Iterator[RawMessage]:
+    """All messages of a bag in log-time order; messages of the changes replace those of their topics.
 
-    Messages that nobody changes come as they lie in the bag. Of one instant, messages keep the order of
-    their topics in the bag. No topic may belong to two changes.
+    Other messages stay byte for byte. Messages with the same log time keep the order of their topics in the
+    bag. No topic may belong to two changes. debug: what the changes add to it comes among the messages.
     """
     replaced = frozenset[str]().union(*(change.topics for change in changes))
     place = {name: index for index, name in enumerate(reader.topics)}
@@ -41,4 +44,5 @@ def changed_messages(reader: BagReader, changes: Sequence[Change]) -> Iterator[R
     streams = [change.messages() for change in changes]
     if untouched:
         streams.append(reader.raw_messages(untouched))
-    return heapq.merge(*streams, key=lambda raw: (raw.log_time_ns, place.get(raw.topic.name, len(place))))
+    merged = heapq.merge(*streams, key=lambda raw: (raw.log_time_ns, place.get(raw.topic.name, len(place))))
+    return merged if debug is None else debug.merged(merged)

@@ -1,5 +1,4 @@
-"""What one process does: it attacks clouds of a bag, one by one or several at once, and keeps what it made of
-each."""
+"""The work of one process: it attacks clouds of a bag, one by one or in batches, and stores each result."""
 
 from __future__ import annotations
 
@@ -29,9 +28,9 @@ Group = tuple[int, ...]
 
 
 def groups_of(clouds: Sequence[AttackedCloud], at_once: int) -> list[Group]:
-    """The clouds in groups of at most so many, of one attack each.
+    """The clouds in groups of at most `at_once`, each under one attack.
 
-    They hang on what is to be done alone, not on what is done already: the clouds of a batch decide each
+    The groups depend on the plan alone, not on what is done already, as the clouds of a batch affect each
     other's last bits.
     """
     groups: list[Group] = []
@@ -42,7 +41,7 @@ def groups_of(clouds: Sequence[AttackedCloud], at_once: int) -> list[Group]:
 
 
 def unfinished(groups: Sequence[Group], job: Job) -> list[int]:
-    """Which of the groups hold a cloud that is not done."""
+    """The groups that hold a cloud that is not done, by their places."""
     return [n for n, group in enumerate(groups) if any(job.load(place) is None for place in group)]
 
 
@@ -65,7 +64,7 @@ def cloud_attacker(
 
     @cache
     def attacker(attack: int, member: int) -> LidarAttack:
-        """Members of a group run in threads, and a user's attack may keep things in itself."""
+        """One instance for each member: members run in threads, and a user's attack may have state."""
         return build_lidar_attack(attacks[attack])
 
     def attack_cloud(place: int, attack: LidarAttack, detector: ObjectDetector) -> LidarResult:
@@ -78,7 +77,7 @@ def cloud_attacker(
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
         result = attack(frame.cloud, frame.boxes, detector, rng)
         refuse_invalid(spec.type, frame.cloud, result)
-        refuse_out_of_bounds(spec.type, attack.bounds, frame.cloud, result)
+        refuse_out_of_bounds(spec.type, attack, frame.cloud, result)
         return result
 
     def attack_group(number: int) -> None:

@@ -1,4 +1,4 @@
-"""Which clouds of a bag are attacked, and by what."""
+"""The clouds of a bag that are attacked, and the attack on each."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.carried import lidar_topics
-from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic
+from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, refuse_without_ground_truth
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.lidar.build import build_lidar_attack
+from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 from advpipe.stages.attack.recording import RecordedTimes
 
 
@@ -55,10 +57,10 @@ class CloudPlan:
 def plan_clouds(
     reader: BagReader, attacks: Sequence[AttackSpec], frames: FrameSlice, recording: RecordedTimes, seed: int
 ) -> CloudPlan:
-    """Who attacks which clouds; at most one attack for each.
+    """The clouds that each attack changes; at most one attack for each cloud.
 
-    Raises AdvpipeError for a bag without the clouds, frames that it does not have, a schedule that meets
-    none, and two attacks on the same clouds at the same time.
+    Raises AdvpipeError for a bag without the clouds or the ground truth that an attack needs, frames that it
+    does not have, a schedule that meets none, and two attacks on the same clouds at the same time.
     """
     topics = [topic_of(reader, spec) for spec in attacks]
     for (topic, spec), (other_topic, other) in combinations(zip(topics, attacks, strict=True), 2):
@@ -67,6 +69,9 @@ def plan_clouds(
                 f"{spec.type} and {other.type} attack the same clouds of {topic} at the same time; "
                 "give them schedules that do not overlap"
             )
+    for topic, spec in zip(topics, attacks, strict=True):
+        if build_lidar_attack(spec).needs_ground_truth:
+            refuse_without_ground_truth(reader.path, topic, fix=_without_truth(spec))
     times_ns = reader.log_times_ns(topics[0])
     if not len(times_ns):
         raise UsageError(f"{reader.path} holds no LiDAR clouds ({topics[0]} is empty)")
@@ -80,19 +85,42 @@ def plan_clouds(
             and is_active(spec, frame, recording.time_s(log_time_ns), seed)
         ]
         if not active:
-            raise UsageError(f"{spec.type}: its schedule meets none of the chosen clouds of {topic}")
+            raise UsageError(f"{spec.type}: {_no_cloud(reader, plan, topic, spec, recording)}")
         attacked += active
     return CloudPlan(plan.topics, plan.frames, times_ns, tuple(attacked))
 
 
+def _without_truth(spec: AttackSpec) -> str:
+    """What to do where the ground truth is missing that an attack needs."""
+    random = ", or take the recipe random, which picks points anywhere" if spec.type in LIDAR_ATTACKS else ""
+    return f"{spec.type} attacks the objects in it: give a bag that holds it{random}"
+
+
+def _no_cloud(
+    reader: BagReader, plan: CloudPlan, topic: str, spec: AttackSpec, recording: RecordedTimes
+) -> str:
+    """Why no cloud is attacked, and what to do."""
+    times_s = [
+        recording.time_s(time_ns)
+        for frame, time_ns in enumerate(reader.log_times_ns(topic).tolist())
+        if plan.keeps(topic, frame, time_ns)
+    ]
+    until = "" if spec.schedule.to_s is None else f" to {spec.schedule.to_s:g} s"
+    clouds = f"; those are at {times_s[0]:g} to {times_s[-1]:g} s" if times_s else ""
+    return (
+        f"its schedule, from {spec.schedule.from_s:g} s{until}, meets none of the {len(times_s)} chosen "
+        f"clouds of {topic}{clouds}: choose other frames or other times"
+    )
+
+
 def is_active(spec: AttackSpec, frame: int, time_s: float, seed: int) -> bool:
-    """Whether the attack's schedule includes a cloud; a random one draws for each cloud, chosen or not."""
+    """Whether the attack's schedule includes a cloud; a random schedule draws for each cloud of the bag."""
     rng = named_generator(seed, "attack", "schedule", spec.type, spec.seed_name, frame)
     return spec.schedule.active(time_s, rng)
 
 
 def topic_of(reader: BagReader, spec: AttackSpec) -> str:
-    """The topic of the clouds that it attacks; raises AdvpipeError where the bag has none or several."""
+    """The topic of the clouds that an attack changes. Raises AdvpipeError if the bag has none or several."""
     if spec.lidar is not None or spec.victim is None:
         return find_lidar_topic(reader, spec.lidar)
     own = [name for name in lidar_topics(reader) if name.startswith(f"/{spec.victim}/")]

@@ -1,4 +1,4 @@
-"""Attacks that cannot be carried out together: two that say different things in the same place."""
+"""Attacks that cannot be combined: two that set the same field of the same messages."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
 def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> None:
-    """Raises AdvpipeError for two V2X attacks that set the same of the same messages at the same time.
+    """Raises AdvpipeError for two V2X attacks that set the same field of the same messages at the same time.
 
-    Two on the same clouds, and two on one vehicle's GPS, are refused where these are found: in
+    Two attacks on the same clouds, and two on one vehicle's GPS, are refused elsewhere: in
     `clouds.plan_clouds` and `gnss.spoofing_schedule`.
     """
     attackers: Callable[[AttackSpec], tuple[int, ...]] | None = None
@@ -24,7 +24,7 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
         shared = _untrue(one) & _untrue(other)
         if not shared or not one.schedule.overlaps(other.schedule):
             continue
-        if attackers is None:  # it takes a look through the drive
+        if attackers is None:  # finding them reads the drive
             from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 
             attackers = AttackerSelection(V2xDrive(reader), str(reader.path), seed).attackers
@@ -36,6 +36,7 @@ def refuse_contradictions(reader: BagReader, attacks: Sequence[AttackSpec], seed
 
 
 def _untrue(spec: AttackSpec) -> frozenset[str]:
-    """What it says otherwise in its attackers' own messages; the others only add, delay or drop some."""
-    kind = V2X_ATTACKS.find(spec.type)
-    return frozenset(kind.untrue(resolved_parameters(spec, kind)))
+    """The claims that the attack falsifies in its attackers' messages; none if it only adds, delays or drops
+    messages."""
+    attack_class = V2X_ATTACKS.find(spec.type)
+    return frozenset(attack_class.untrue(resolved_parameters(spec, attack_class)))

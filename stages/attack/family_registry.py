@@ -1,4 +1,4 @@
-"""The attacks of one family by name: classes that are imported when somebody first asks."""
+"""The attacks of one family by name; their classes are imported when one is first needed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Generic, TypeVar, cast
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.stages.attack.base import Attack, refuse_undeclared
 from advpipe.stages.attack.plugin import plugin_attack
@@ -19,44 +20,44 @@ Add = Callable[[str, type[A]], None]
 
 
 class FamilyRegistry(Mapping[str, type[A]], Generic[A]):
-    """`fill` imports the classes and adds them, in the order in which they are told to users.
+    """`fill` imports the classes and adds them, in the order in which users see them.
 
-    Raises AdvpipeError when it is first asked for a class that does not declare what its base asks for.
+    The first look-up raises AdvpipeError for a class that does not declare what its base requires.
     """
 
     def __init__(self, family: Family, fill: Callable[[Add[A]], None]) -> None:
         self.family, self._fill = family, fill
 
     @cached_property
-    def _kinds(self) -> dict[str, type[A]]:
-        kinds: dict[str, type[A]] = {}
+    def _classes(self) -> dict[str, type[A]]:
+        classes: dict[str, type[A]] = {}
 
-        def add(name: str, kind: type[A]) -> None:
-            refuse_undeclared(kind)
-            if kinds.setdefault(name, kind) is not kind:
+        def add(name: str, attack_class: type[A]) -> None:
+            refuse_undeclared(attack_class)
+            if classes.setdefault(name, attack_class) is not attack_class:
                 raise ValueError(f"two attacks are named {name}")
 
         self._fill(add)
-        return kinds
+        return classes
 
     def __getitem__(self, name: str) -> type[A]:
-        return self._kinds[name]
+        return self._classes[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._kinds)
+        return iter(self._classes)
 
     def __len__(self) -> int:
-        return len(self._kinds)
+        return len(self._classes)
 
-    def find(self, word: str) -> type[A]:
-        """The class of a name, or of `module:Class`, in this family. Raises AdvpipeError for none."""
-        if word in self._kinds:
-            return self._kinds[word]
-        if ":" not in word:
+    def find(self, name: str) -> type[A]:
+        """The class of a name, or of `module:Class`, in this family. Raises AdvpipeError for any other."""
+        if name in self._classes:
+            return self._classes[name]
+        if ":" not in name:
             raise UsageError(
-                f"unknown attack {word!r}; known: {', '.join(self)}, or module:Class of your own"
+                f"unknown attack {name!r}; {known_names(name, self)} (or module:Class of your own)"
             )
-        kind = plugin_attack(word)
-        if kind.family != self.family:
-            raise ValueError(f"{word} is an attack of the family {kind.family}, not {self.family}")
-        return cast("type[A]", kind)
+        attack_class = plugin_attack(name)
+        if attack_class.family != self.family:
+            raise ValueError(f"{name} is an attack of the family {attack_class.family}, not {self.family}")
+        return cast("type[A]", attack_class)

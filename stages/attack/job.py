@@ -1,4 +1,4 @@
-"""Frames that are done, kept on disk until the whole attack is: a killed run goes on where it stopped."""
+"""Finished frames, kept on disk until the whole attack is done, so that a killed run can resume."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Job:
                 before, after = (float(loss) for loss in stored["loss"])
                 return LidarResult(stored["cloud"], labels, before, after, str(stored["note"]))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            return None  # not there, or cut off by a power failure
+            return None  # missing, or truncated by a power failure
 
     def require(self, index: int) -> LidarResult:
         """The result of a frame that is done."""
@@ -75,9 +75,9 @@ def open_job(out: Path, request: str) -> Iterator[Job]:
     """The job of a request, in the hidden folder `.<name>.<hash of the request>.job` beside an output.
 
     request: everything that decides a frame's result, as text. The folder is this run's alone while the
-    block lasts. It goes when the block ends, unless that is with an error and there are finished frames to
-    go on from; what dead runs of other requests for the same output left goes at once. Raises AdvpipeError
-    while another run of the same request is alive.
+    block lasts. It is removed at the end of the block, unless an error ends it and there are finished frames
+    to resume from; what dead runs of other requests for the same output left is removed at once. Raises
+    AdvpipeError while another run of the same request is alive.
     """
     digest = hashlib.sha256(request.encode()).hexdigest()[:_HASH_LENGTH]
     folder = out.parent / f".{out.name}.{digest}.job"

@@ -1,4 +1,4 @@
-"""The attacks on messages: GPS first, then V2X, which tells others what the GPS said."""
+"""The attacks on messages: GPS first, then V2X, whose messages carry the GPS positions."""
 
 from __future__ import annotations
 
@@ -11,27 +11,37 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.change import Change
 
 if TYPE_CHECKING:
+    from advpipe.stages.attack.debug import DebugMessages
     from advpipe.stages.attack.v2x.base import MessageEditor
 
 
 def change_messages(
-    reader: BagReader, gnss: Sequence[AttackSpec], v2x: Sequence[AttackSpec], seed: int
+    reader: BagReader,
+    gnss: Sequence[AttackSpec],
+    v2x: Sequence[AttackSpec],
+    seed: int,
+    debug: DebugMessages | None = None,
 ) -> list[Change]:
-    """What the attacks of both families make of a bag's messages; no topic belongs to two changes.
+    """The changes that the attacks of both families make to a bag's messages; no topic belongs to two.
 
-    Raises AdvpipeError for a bag without what they attack.
+    debug: takes what viewers show of the attacks. Raises AdvpipeError for a bag that lacks what they attack.
     """
     changes: list[Change] = []
     editors: tuple[MessageEditor, ...] = ()
     if gnss:
         from advpipe.stages.attack.gnss.change import spoof
+        from advpipe.stages.attack.gnss.debug import add_fixes
 
         spoofed = spoof(reader, gnss, seed)
         changes.append(spoofed)
+        if debug is not None:
+            for vehicle in spoofed.vehicles:
+                add_fixes(debug, vehicle)
         editors = spoofed.editors()
     has_v2x = {V2X_STATIONS.name, V2X_SENT.name} <= set(reader.topics)
     if v2x or (editors and has_v2x):
         from advpipe.stages.attack.v2x.change import forge
 
-        changes.append(forge(reader, v2x, seed, editors, dcc_reacts=any(spec.dcc_reacts for spec in v2x)))
+        dcc_reacts = any(spec.dcc_reacts for spec in v2x)
+        changes.append(forge(reader, v2x, seed, editors, dcc_reacts=dcc_reacts, debug=debug))
     return changes

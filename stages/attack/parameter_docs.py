@@ -1,4 +1,4 @@
-"""The parameters of an attack as users read of them: with the types and the texts of its class."""
+"""The parameters of an attack for users, with types and help from its class."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _HEAD = re.compile(r"(?:^|(?<=[.;]\s))(\w+(?:,\s+\w+)*):\s", re.MULTILINE)
 """`name: ` or `name, other: ` where a line or a sentence begins."""
 
 _REFERENCE = re.compile(r"see `(?:\w+\.)*(\w+)`")
-"""What a docstring says of a parameter that another class of its module explains."""
+"""The text of a parameter whose explanation is in another class of the module."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter. types: those that a value may have, lists as theirs; none where the attack does not
-    tell. default: `REQUIRED` for none. help: "" where no docstring has `name: ...`."""
+    """One parameter. types: of a value, or of the items of a list; empty if the attack declares none.
+    default: `REQUIRED` for none. help: "" where no docstring has `name: ...`."""
 
     name: str
     types: tuple[Any, ...]
@@ -30,24 +30,29 @@ class Parameter:
     help: str
 
 
-def documented_parameters(kind: type[Attack]) -> tuple[Parameter, ...]:
+def documented_parameters(attack_class: type[Attack]) -> tuple[Parameter, ...]:
     """All parameters of a class but its recipe, in their order."""
-    known, types = known_parameters(kind), parameter_types(kind)
+    known, types = known_parameters(attack_class), parameter_types(attack_class)
     texts: dict[str, str] = {}
-    for owner in kind.__mro__:
+    for owner in attack_class.__mro__:
         texts = {**_texts(owner, known), **texts}
     return tuple(
         Parameter(name, types.get(name, ()), default, texts.get(name, "")) for name, default in known.items()
     )
 
 
-def summary(kind: type[Attack]) -> str:
+def summary(attack_class: type[Attack]) -> str:
     """The first paragraph of the class's docstring, on one line; "" for none."""
-    return " ".join(_docstring(kind).partition("\n\n")[0].split())
+    return " ".join(_docstring(attack_class).partition("\n\n")[0].split())
+
+
+def recipe_text(kind: type[Attack]) -> str:
+    """What the classes say of the recipe; "" for an attack that has none."""
+    return next((text for owner in kind.__mro__ if (text := _texts(owner, ["recipe"]).get("recipe"))), "")
 
 
 def _texts(owner: type, names: Collection[str]) -> dict[str, str]:
-    """What a docstring says of these names: all from `name: ` to the next such, or to the paragraph's end."""
+    """The texts of these names in a docstring: from `name: ` to the next name or the paragraph's end."""
     texts = {}
     for paragraph in _docstring(owner).split("\n\n"):
         heads = [*_HEAD.finditer(paragraph)]
@@ -64,6 +69,6 @@ def _texts(owner: type, names: Collection[str]) -> dict[str, str]:
 
 
 def _docstring(owner: type) -> str:
-    """That of the class itself; a dataclass without one has its signature there."""
+    """The docstring of the class itself; "" where it is only the signature that dataclasses add."""
     written = vars(owner).get("__doc__") or ""
     return "" if written.startswith(f"{owner.__name__}(") else inspect.cleandoc(written)

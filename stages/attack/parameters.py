@@ -1,4 +1,4 @@
-"""The parameters of attacks: those that a constructor takes by keyword, their defaults and their types."""
+"""The parameters of attacks: the keyword-only arguments of their constructors, with defaults and types."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.section import leaves, written_number
+from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.option_names import option_name
+from advpipe.pipeline.core.section import leaves, parse_share, written_number
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
 from advpipe.stages.attack.base import Attack
@@ -28,42 +30,50 @@ MAX_BY_UNIT: dict[str, float] = {
 }
 """The largest magnitude of a parameter, by the unit that its name ends in."""
 
+SHARES = ("ratio", "share", "probability")
+"""The last words of the names of parameters that are shares of a whole: 1% may be written for 0.01."""
+
 MAX_WITHOUT_UNIT = 1e6
 """Of counts, shares, factors and weights: a million rounds for each cloud would take days."""
 
 
-def known_parameters(kind: type[Attack]) -> dict[str, Any]:
+def known_parameters(attack_class: type[Attack]) -> dict[str, Any]:
     """The parameters of an attack but for its recipe, in their order, with their defaults or `REQUIRED`."""
-    return {name: one.default for name, one in _keywords(kind).items() if name != "recipe"}
+    return {name: one.default for name, one in _keywords(attack_class).items() if name != "recipe"}
 
 
-def parameter_types(kind: type[Attack]) -> dict[str, tuple[Any, ...]]:
-    """By name, the types of a value, or of a list's items; an attack of a user need not tell."""
-    types = _types(kind)
-    return {name: tuple(leaves(types[name])) for name in known_parameters(kind) if name in types}
+def is_share(name: str) -> bool:
+    """Whether a parameter of this name is a share of a whole, and may be given in percent."""
+    return name.rpartition("_")[2] in SHARES
 
 
-def resolved_parameters(spec: AttackSpec, kind: type[Attack]) -> dict[str, Any]:
-    """All parameters of an attack, of this class, in the constructor's order, with defaults if not given.
+def parameter_types(attack_class: type[Attack]) -> dict[str, tuple[Any, ...]]:
+    """By name, the types of a value, or of a list's items; a user's attack may declare none."""
+    types = _types(attack_class)
+    return {name: tuple(leaves(types[name])) for name in known_parameters(attack_class) if name in types}
 
-    Raises AdvpipeError for one that is unknown, missing or of another type; bounds are the constructor's.
+
+def resolved_parameters(spec: AttackSpec, attack_class: type[Attack]) -> dict[str, Any]:
+    """All parameters of an attack of this class, in the constructor's order, with defaults if not given.
+
+    Raises AdvpipeError for one that is unknown, missing or of another type; the constructor checks bounds.
     """
-    known = known_parameters(kind)
+    known = known_parameters(attack_class)
     for name in spec.parameters:
         if name not in known:
-            choice = f"known: {', '.join(known)}" if known else "it has none"
+            choice = known_names(name, known) if known else "it has none"
             raise UsageError(f"{spec.type}: unknown parameter {short_repr(name)}; {choice}")
     for name, default in known.items():
         if default is REQUIRED and name not in spec.parameters:
-            raise UsageError(f"{spec.type}: {name} is missing; pass --set {name}=VALUE")
-    types = _types(kind)
+            raise UsageError(f"{spec.type}: {name} is missing; pass {option_name(name)}")
+    types = _types(attack_class)
     given = {name: _checked(spec.type, name, value, types) for name, value in spec.parameters.items()}
     return {name: given.get(name, default) for name, default in known.items()}
 
 
-def resolved_recipe(spec: AttackSpec, kind: type[Attack]) -> str:
-    """The attack's recipe: its best one if none is named, "" for an attack that has none."""
-    recipe = _keywords(kind).get("recipe")
+def resolved_recipe(spec: AttackSpec, attack_class: type[Attack]) -> str:
+    """The attack's recipe: by default its best one; "" for an attack without recipes."""
+    recipe = _keywords(attack_class).get("recipe")
     if recipe is None and spec.recipe is not None:
         raise UsageError(f"{spec.type} has no recipes; leave out {short_repr(spec.recipe)}")
     if spec.recipe == "":
@@ -73,29 +83,32 @@ def resolved_recipe(spec: AttackSpec, kind: type[Attack]) -> str:
     return str(recipe.default) if spec.recipe is None else spec.recipe
 
 
-def _keywords(kind: type[Attack]) -> Mapping[str, inspect.Parameter]:
+def _keywords(attack_class: type[Attack]) -> Mapping[str, inspect.Parameter]:
     keywords: dict[str, inspect.Parameter] = {}
-    for made_by in _constructors(kind):
+    for made_by in _constructors(attack_class):
         for name, one in inspect.signature(made_by).parameters.items():
             if one.kind is one.KEYWORD_ONLY:
                 keywords.setdefault(name, one)
     return keywords
 
 
-def _types(kind: type[Attack]) -> dict[str, Any]:
+def _types(attack_class: type[Attack]) -> dict[str, Any]:
     types: dict[str, Any] = {}
-    for made_by in _constructors(kind):
+    for made_by in _constructors(attack_class):
         try:
             types = {**get_type_hints(made_by.__init__ if inspect.isclass(made_by) else made_by), **types}
-        except (NameError, TypeError):  # a user's attack need not tell
+        except (NameError, TypeError):  # a user's attack may declare none
             continue
     return types
 
 
-def _constructors(kind: type[Attack]) -> Iterator[Callable[..., Any]]:
-    """The attack's class, and the `__init__` of its parents, as long as each hands on `**others`."""
-    parents = kind.__mro__[1:-1]
-    for made_by in (kind, *(vars(parent)["__init__"] for parent in parents if "__init__" in vars(parent))):
+def _constructors(attack_class: type[Attack]) -> Iterator[Callable[..., Any]]:
+    """The attack's class, and the `__init__` of its parents, as long as each passes on `**others`."""
+    parents = attack_class.__mro__[1:-1]
+    for made_by in (
+        attack_class,
+        *(vars(parent)["__init__"] for parent in parents if "__init__" in vars(parent)),
+    ):
         try:
             parameters = inspect.signature(made_by).parameters.values()
         except ValueError:  # a class of another language
@@ -108,16 +121,17 @@ def _constructors(kind: type[Attack]) -> Iterator[Callable[..., Any]]:
 def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> Any:
     if value in ((), ""):
         raise UsageError(f"{attack}: {name} is empty; give it a value, or leave it out")
-    kinds = set(leaves(types[name])) if name in types else set()
-    if str not in kinds:
-        value = written_number(value, int if kinds == {int} else float)
+    item_types = set(leaves(types[name])) if name in types else set()
+    if str not in item_types:
+        value = parse_share(value) if is_share(name) else value
+        value = written_number(value, int if item_types == {int} else float)
     if name not in types:
         return value
     if types[name] == tuple[str, ...]:
         value = _strings(value)
     try:
         if isinstance(value, tuple):
-            _refuse_other_kinds(value, kinds)
+            _refuse_other_types(value, item_types)
         found = TypeAdapter(types[name]).validate_python(value, strict=not isinstance(value, tuple))
         _refuse_beyond(attack, name, found)
     except ValidationError as error:
@@ -128,17 +142,17 @@ def _checked(attack: str, name: str, value: Value, types: Mapping[str, Any]) -> 
     return found
 
 
-def _refuse_other_kinds(value: Value, kinds: set[Any]) -> None:
-    """ValueError for true, or a word, among numbers: pydantic makes numbers of them within lists."""
+def _refuse_other_types(value: Value, types: set[Any]) -> None:
+    """Raises ValueError for a boolean or a string among numbers, which pydantic converts within lists."""
     if isinstance(value, tuple):
         for item in value:
-            _refuse_other_kinds(item, kinds)
-    elif kinds <= {int, float} and isinstance(value, (bool, str)):
-        raise ValueError(f"{short_repr(value)} is no number")
+            _refuse_other_types(item, types)
+    elif types <= {int, float} and isinstance(value, (bool, str)):
+        raise ValueError(f"{short_repr(value)} is not a number")
 
 
 def _refuse_beyond(attack: str, name: str, value: Any) -> None:
-    """ValueError for a number that its unit forbids; a user's own attack bounds its own."""
+    """Raises ValueError for a number beyond the limit of its unit; a user's attack checks its own."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     most = MAX_BY_UNIT.get(name.rpartition("_")[2], MAX_WITHOUT_UNIT)
     if is_number and ":" not in attack and not abs(value) <= most:
@@ -146,6 +160,6 @@ def _refuse_beyond(attack: str, name: str, value: Any) -> None:
 
 
 def _strings(value: Value) -> tuple[Value, ...]:
-    """A list of words, also from one alone; ids such as 7, that YAML takes for numbers, are words."""
+    """A list of strings, also from a single one; ids such as 7, which YAML reads as numbers, are strings."""
     items = value if isinstance(value, tuple) else (value,)
     return tuple(str(item) if type(item) is int else item for item in items)

@@ -1,4 +1,4 @@
-"""Attacks of a user's own, named `module:Class`."""
+"""A user's attacks, named `module:Class`."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from advpipe.stages.attack.base import Attack, refuse_undeclared
 BASES = "LidarAttack, V2xAttack or GnssAttack (stages/attack/lidar, v2x, gnss: base.py)"
 
 
-def plugin_attack(word: str) -> type[Attack]:
-    """The class; raises AdvpipeError, one line, for a module that cannot be loaded, and for what is no attack
-    of any family or does not declare what its base asks for."""
-    found: type[Attack] = import_object(word, f"cannot load attack {word}")
+def plugin_attack(name: str) -> type[Attack]:
+    """The class. Raises AdvpipeError, one line, for a module that cannot be loaded, and for a class that is
+    not an attack or does not declare what its base requires."""
+    found: type[Attack] = import_object(name, f"cannot load attack {name}")
     if not inspect.isclass(found):
-        raise UsageError(f"{word} is no class; an attack is a class that inherits from {BASES}")
+        raise UsageError(f"{name} is not a class; an attack is a class that inherits from {BASES}")
     if not issubclass(found, Attack) or not hasattr(found, "family"):
-        raise UsageError(f"{word} is no attack of any family; let it inherit from {BASES}")
+        raise UsageError(f"{name} is not an attack; let it inherit from {BASES}")
     refuse_undeclared(found)
     return found
 
 
-def source_sha256(kind: type[Attack]) -> str:
-    """SHA-256 of the file that a user's own attack lies in; "" for ours, which their version tells apart."""
-    if kind.__module__.startswith("advpipe."):
+def source_sha256(attack_class: type[Attack]) -> str:
+    """SHA-256 of the source file of a user's attack; "" for ours, which the version identifies."""
+    if attack_class.__module__.startswith("advpipe."):
         return ""
     try:
-        source = inspect.getsourcefile(kind)
+        source = inspect.getsourcefile(attack_class)
     except TypeError:  # made by a program or in another language
         return ""
     return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""

@@ -1,4 +1,4 @@
-"""What decides an adversarial bag's bytes: kept in the bag, and beside it as attack.yaml."""
+"""What determines the bytes of an adversarial bag: stored in the bag, and beside it as attack.yaml."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
-_LABELS = tuple(f"pipeline/labels/{name}.py" for name in ("points", "quantities", "quantity"))
+_LABELS = tuple(
+    f"pipeline/labels/{name}.py"
+    for name in ("points", "cloud_change", "cloud_quantity", "quantities", "quantity")
+)
 
 LIDAR = (
     *CLOUDS,
@@ -27,7 +30,7 @@ LIDAR = (
     "stages/attack/cloud_attack.py",
     "stages/attack/lidar",
 )
-"""The code that decides what becomes of which clouds."""
+"""The code that determines which clouds change, and how."""
 
 MESSAGES = (
     "pipeline/bag",
@@ -41,34 +44,35 @@ MESSAGES = (
     "pipeline/v2x",
     "stages/attack",
 )
-"""The code that decides what becomes of messages and fixes."""
+"""The code that determines how messages and fixes change."""
 
 
 def job_provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
-    """The record of the bag that the request makes of this one; raises AdvpipeError for a bad request."""
+    """The provenance record of the bag that the request makes. Raises AdvpipeError for a bad request."""
     headline = request.headline()
     record = attack_provenance(
         reader.path, reader.provenance, **headline, seed=request.seed, frames=str(request.frames)
     )
     attacks = request.resolved()
     record["attacks"] = json.dumps(attacks, sort_keys=True)
+    record["debug"] = json.dumps(request.debug)
     code = (*(LIDAR if request.lidar else ()), *(MESSAGES if request.has_messages else ()))
     record["code_sha256"] = code_sha256(*code)
     if request.lidar:
         topics = sorted({topic_of(reader, spec) for spec in request.lidar})
         record["lidar_topics"] = json.dumps(topics)
-    looks = [query_budget_of(build_lidar_attack(spec)) for spec in request.lidar]
-    if known := [count for count in looks if count is not None]:
+    query_budgets = [query_budget_of(build_lidar_attack(spec)) for spec in request.lidar]
+    if known := [count for count in query_budgets if count is not None]:
         record["looks"] = str(max(known))
     leading = next((one for one in attacks if "detector" in one), {})
     return record | {key: leading[key] for key in ("detector", "detector_sha256", "device") if key in leading}
 
 
 def resolved_text(provenance: dict[str, str]) -> str:
-    """The text of attack.yaml: the request with every default filled in, and what it was run on."""
+    """The text of attack.yaml: the request with all defaults, and the bag that it was run on."""
     plain: dict[str, Any] = {
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
-    for key in {"parameters", "attacks", "versions", "lidar_topics", "looks"} & plain.keys():
+    for key in {"parameters", "attacks", "versions", "lidar_topics", "looks", "debug"} & plain.keys():
         plain[key] = plain_json.load_json(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

@@ -1,4 +1,4 @@
-"""When a bag begins and ends: what schedules count from."""
+"""The times at which a bag begins and ends; schedules count from its beginning."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RecordedTimes:
         return (log_time_ns - self.start_ns) / NS_PER_S
 
     def refuse_outside(self, spec: AttackSpec) -> None:
-        """Raises AdvpipeError for an attack that would begin after the recording ends."""
+        """Raises AdvpipeError for an attack that begins after the end of the recording."""
         end_s = self.time_s(self.end_ns)
         if spec.schedule.from_s > end_s:
             raise UsageError(

@@ -1,10 +1,11 @@
-"""All attacks by the name that the command line and scenario files give them."""
+"""All attacks, by the names that the command line and scenario files use."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
 from advpipe.stages.attack.base import Attack, Traits
 from advpipe.stages.attack.gnss.base import GnssAttack
@@ -19,7 +20,7 @@ BASES: tuple[type[Attack], ...] = (GnssAttack, V2xAttack, LidarAttack)
 
 
 class _Attacks(Mapping[str, type[Attack]]):
-    """Those of the three families; a family's classes are imported when it is its turn."""
+    """The attacks of the three families; a family's classes are imported when it is searched."""
 
     def __getitem__(self, name: str) -> type[Attack]:
         families: tuple[Mapping[str, type[Attack]], ...] = (GNSS_ATTACKS, V2X_ATTACKS, LIDAR_ATTACKS)
@@ -39,29 +40,32 @@ ATTACKS: Mapping[str, type[Attack]] = _Attacks()
 """Name to class; a user's own attack is named by `module:Class` itself."""
 
 
-def find_attack(word: str) -> type[Attack]:
+def find_attack(name: str) -> type[Attack]:
     """The class of a name, or of `module:Class`; raises `AdvpipeError` with the known names for any other,
     and for a class that is no attack."""
-    if ":" in word:
-        return plugin_attack(word)
-    if word in ATTACKS:
-        return ATTACKS[word]
-    raise UsageError(f"unknown attack {word!r}; known: {', '.join(ATTACKS)}, or module:Class of your own")
+    if ":" in name:
+        return plugin_attack(name)
+    if name in ATTACKS:
+        return ATTACKS[name]
+    raise UsageError(
+        f"unknown attack {name!r}; {known_names(name, ATTACKS)} "
+        "(or module:Class of your own; `advpipe attacks` lists all)"
+    )
 
 
 def resolved_name(spec: AttackSpec) -> AttackSpec:
-    """The same attack by its own name, where it is given by one of a paper's."""
+    """The attack under its name here, where it was named as papers call it."""
     if ":" in spec.type or spec.type in ATTACKS:
         return spec
-    for name, kind in ATTACKS.items():
-        traits: Traits = vars(kind)["traits"]
+    for name, attack_class in ATTACKS.items():
+        traits: Traits = vars(attack_class)["traits"]
         if spec.type.lower() in traits.also_known_as:
             return spec.model_copy(update={"type": name})
     return spec
 
 
 def refuse_foreign_keys(spec: AttackSpec) -> None:
-    """Raises AdvpipeError for a key that only attacks of another family know."""
+    """Raises AdvpipeError for a key that only attacks of another family have."""
     own = find_attack(spec.type).own_keys
     for base in BASES:
         for key in base.own_keys:
@@ -69,10 +73,12 @@ def refuse_foreign_keys(spec: AttackSpec) -> None:
                 raise UsageError(f"{spec.type} has no use for {key}; leave it out")
 
 
-def default_budget(word: str) -> dict[str, float]:
-    """The parameter that bounds an attack on clouds, at what it is where the user names none; else nothing.
+def default_budget(name: str) -> dict[str, float]:
+    """The budget parameter of an attack on clouds with its default value; empty for other attacks.
 
     Raises AdvpipeError for an unknown attack.
     """
-    kind = find_attack(resolved_name(attack_spec({"type": word})).type)
-    return lidar_traits(kind).budget.usual_parameters if issubclass(kind, LidarAttack) else {}
+    attack_class = find_attack(resolved_name(attack_spec({"type": name})).type)
+    return (
+        lidar_traits(attack_class).budget.default_parameters if issubclass(attack_class, LidarAttack) else {}
+    )

@@ -1,9 +1,8 @@
-"""What to attack with: the request as the user makes it, resolved, and the name it gives its bag."""
+"""The attacks that a user requests, as given and with all defaults."""
 
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,7 @@ from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.attack.declared import declaration_of
-from advpipe.stages.attack.lidar.base import LidarAttack
-from advpipe.stages.attack.parameters import known_parameters, resolved_parameters, resolved_recipe
+from advpipe.stages.attack.parameters import resolved_parameters, resolved_recipe
 from advpipe.stages.attack.plugin import source_sha256
 from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_keys, resolved_name
 
@@ -28,23 +26,25 @@ from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_ke
 class AttackRequest:
     """One or several attacks on one bag; several are one coordinated attack.
 
-    device: where the detectors of those on clouds compute, as `open_device` takes it.
+    device: where detectors compute, as `open_device` takes it. debug: whether the bag has debug topics, which
+    show viewers what was attacked.
     """
 
     attacks: tuple[AttackSpec, ...]
     seed: int = AttackOptions.seed
     device: str = AttackOptions.device
+    debug: bool = AttackOptions.debug
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "attacks", tuple(map(resolved_name, self.attacks)))
 
     def of(self, family: Family) -> tuple[AttackSpec, ...]:
-        """Those of its attacks that belong to a family. Raises AdvpipeError for one that belongs to none."""
+        """Its attacks of a family. Raises AdvpipeError for an unknown attack."""
         return tuple(spec for spec in self.attacks if find_attack(spec.type).family == family)
 
     @property
     def lidar(self) -> tuple[AttackSpec, ...]:
-        """Those of its attacks that change clouds."""
+        """Its attacks that change clouds."""
         return self.of("lidar")
 
     @property
@@ -54,14 +54,14 @@ class AttackRequest:
 
     @property
     def frames(self) -> FrameSlice:
-        """Which clouds the adversarial bag holds, counted in the clean bag."""
+        """The clouds that the adversarial bag holds, counted in the clean bag."""
         slices = {spec.frames for spec in self.lidar} or {"::"}
         if len(slices) > 1:
             raise UsageError(f"frames: one bag cannot hold both {' and '.join(sorted(slices))}; give one")
         return FrameSlice.parse(slices.pop())
 
     def check(self) -> None:
-        """Raises AdvpipeError for an attack, a parameter or a device that is bad whatever the bag."""
+        """Raises AdvpipeError for an attack, a parameter or a device that is invalid for any bag."""
         if not self.attacks:
             raise UsageError("no attack is given; name one")
         open_device(self.device)
@@ -73,63 +73,39 @@ class AttackRequest:
             declaration_of(spec)
 
     def refuse_without_v2x(self, name: str, scenario: Scenario) -> None:
-        """Raises AdvpipeError where the attacks of this name need what a scenario does not record."""
+        """Raises AdvpipeError if the attacks of this name need V2X and the scenario does not record it."""
         for spec in self.of("v2x") if not scenario.v2x.enabled else ():
             raise UsageError(f"attacks.{name}: {spec.type} attacks V2X, but v2x.enabled is false")
 
     def resolved(self) -> list[dict[str, Any]]:
-        """The attacks with every default filled in, and the checksums of what they work with."""
+        """The attacks with all defaults, and the checksums of their detectors and code."""
         return [_resolved(spec, self.device) for spec in self.attacks]
 
     def headline(self) -> dict[str, Any]:
-        """Attack, recipe and parameters in short: of several attacks, the figures of the one on clouds."""
+        """Attack, recipe and parameters in short; of several attacks, those of the one on clouds."""
         leading = (self.lidar or self.attacks)[0]
         alone = len(self.lidar or self.attacks) == 1
-        kind = find_attack(leading.type)
+        attack_class = find_attack(leading.type)
         return {
             "attack": "+".join(spec.type for spec in self.attacks),
-            "recipe": resolved_recipe(leading, kind) if alone else "",
-            "parameters": resolved_parameters(leading, kind) if alone else {},
+            "recipe": resolved_recipe(leading, attack_class) if alone else "",
+            "parameters": resolved_parameters(leading, attack_class) if alone else {},
         }
 
 
-def attack_id(request: AttackRequest) -> str:
-    """The default name of the adversarial bag: type, recipe, and the parameters that are not at their
-    defaults, such as `detach-best-0.01` or `detach-best-0.01-rounds20`; of several attacks, joined by +."""
-    name = "+".join(_one_id(spec) for spec in request.attacks)
-    return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)[:200]
-
-
-def _one_id(spec: AttackSpec) -> str:
-    kind = find_attack(spec.type)
-    known = known_parameters(kind)
-    first = next(iter(known), None)
-    words = [spec.type, *([recipe] if (recipe := resolved_recipe(spec, kind)) else [])]
-    for name, value in resolved_parameters(spec, kind).items():
-        if name == first and issubclass(kind, LidarAttack):
-            words.append(_short(value))
-        elif value != known[name]:
-            words.append(name if value is True else f"{name}{_short(value)}")
-    return "-".join(words)
-
-
-def _short(value: object) -> str:
-    return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
-
-
 def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
-    kind = find_attack(spec.type)
-    foreign = {key for base in BASES if base.family != kind.family for key in base.own_keys}
+    attack_class = find_attack(spec.type)
+    foreign = {key for base in BASES if base.family != attack_class.family for key in base.own_keys}
     plain = spec.model_dump(mode="json", exclude=foreign)
     plain["declared"] = declaration_of(spec).plain()
-    plain["attack_sha256"] = source_sha256(kind)
+    plain["attack_sha256"] = source_sha256(attack_class)
     try:
-        plain["parameters"] = plain_json.load_json(json.dumps(resolved_parameters(spec, kind)))
+        plain["parameters"] = plain_json.load_json(json.dumps(resolved_parameters(spec, attack_class)))
     except (TypeError, ValueError) as error:  # of a user's own attack
-        raise AdvpipeError(f"{spec.type}: parameters cannot be written down as JSON: {error}") from None
-    if kind.family != "lidar":
+        raise AdvpipeError(f"{spec.type}: parameters cannot be written as JSON: {error}") from None
+    if attack_class.family != "lidar":
         return plain
-    plain["recipe"] = resolved_recipe(spec, kind)
+    plain["recipe"] = resolved_recipe(spec, attack_class)
     plain["detector"] = Path(spec.detector).name
     plain["detector_sha256"] = detector_sha256(spec.detector)
     count = frames_at_once(device)

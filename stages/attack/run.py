@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
+from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
-from advpipe.stages.attack.change import Change, changed_messages
+from advpipe.pipeline.viewer_layouts.files import write_layouts
+from advpipe.stages.attack.change import changed_messages
 from advpipe.stages.attack.cloud_attack import cloud_attacker, groups_of, unfinished
 from advpipe.stages.attack.clouds import CloudPlan, plan_clouds
 from advpipe.stages.attack.contradictions import refuse_contradictions
+from advpipe.stages.attack.debug import DebugMessages, touched_cloud
 from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
 from advpipe.stages.attack.messages import change_messages
+from advpipe.stages.attack.output_name import attack_id
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.request import AttackRequest, attack_id
+from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.selected import messages_of_frames
-from advpipe.stages.attack.summary import AttackSummary
+from advpipe.stages.attack.summary import NOT_SCHEDULED, AttackSummary
 
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
 
@@ -46,14 +51,16 @@ def attack(
 
     Every message that is not attacked is copied byte for byte. Frames that are not chosen are left out, or
     their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
-    (the resolved request) and Parquet files that say what was done: labels.parquet and frames.parquet of
-    clouds (see `labels.clouds`), and what each change of messages tells. A run that was interrupted goes on
-    where it stopped. The bytes are the same for any number of worker processes (default: one for each core,
-    or one where a GPU takes several clouds at once), and whether it ran in one go or in pieces.
+    (the resolved request) and Parquet files with the labels: labels.parquet and frames.parquet of
+    clouds (see `labels.clouds`), and those of each change of messages. Debug topics (`messages.debug`) show
+    viewers what was attacked, unless the request leaves them out; those of the given bag are not copied.
+    An interrupted run resumes where it stopped. The bytes are the same for any number of worker processes
+    (default: one for each core, or one where a GPU takes several clouds at once), and whether it ran in one
+    go or in pieces.
 
-    Raises AdvpipeError for an unknown attack, a bad parameter, a bag that is none or lacks what is attacked,
-    frames or times that it does not have, attacks that contradict each other, an output that exists, and
-    while the same attack runs elsewhere.
+    Raises AdvpipeError for an unknown attack, a bad parameter, an invalid bag, a bag that lacks what is
+    attacked or the chosen frames or times, attacks that contradict each other, an output that exists, and
+    while another run makes the same output.
     """
     request.check()
     reader = BagReader(resolve_bag(clean))
@@ -61,41 +68,48 @@ def attack(
     if out.resolve() in (source, *source.parents):
         raise UsageError(f"{out} is or holds the clean bag; choose another output")
     plan = _plan(reader, request)
+    for spec in request.lidar:
+        notice_default_lidar(reader, spec.lidar or spec.victim)
     for detector in {spec.detector: None for spec in request.lidar}:
         load_detector(detector, request.device)
     provenance = job_provenance(reader, request)
-    writer = BagWriter(out, provenance=provenance, overwrite=overwrite)  # refuses a bad output at once
+    # Made here, as it refuses a bad output at once.
+    writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x = request.of("gnss"), request.of("v2x")
     with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
-        changes = change_messages(reader, gnss, v2x, request.seed)
+        debug = DebugMessages() if request.debug else None
+        changes = change_messages(reader, gnss, v2x, request.seed, debug)
+        messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
         with writer as bag:
             (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
             if plan is None:
-                for message in changed_messages(reader, changes):
+                for message in messages:
                     bag.copy(message)
             else:
-                _write_with_clouds(reader, changes, plan, request, job, bag, summary)
+                _write_with_clouds(reader, messages, plan, request, job, bag, summary)
             for change in changes:
                 summary.replaced |= change.topics & set(reader.topics)
                 change.write_labels(bag.folder)
                 summary.counts.update(change.counts())
+    for warning in summary.warnings:
+        notice(f"warning: {warning}")
     return summary
 
 
 def _attack_clouds(
     clean: Path, plan: CloudPlan, request: AttackRequest, job: Job, workers: int | None
 ) -> None:
-    """Attack the clouds that the job lacks; by batches in one process, unless more are asked for."""
+    """Attack the clouds that the job lacks; batches in one process, unless more workers are requested."""
     at_once = frames_at_once(request.device)
     groups = groups_of(plan.attacked, at_once)
     attacker = partial(
         cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
     )
-    if own := plugin_names(word for spec in request.lidar for word in (spec.type, spec.detector)):
+    if own := plugin_names(name for spec in request.lidar for name in (spec.type, spec.detector)):
         attacker = partial(with_plugin_errors, attacker, own)
     description = f"attacking: {attack_id(request)}"
     if at_once > 1:
@@ -104,7 +118,7 @@ def _attack_clouds(
 
 
 def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
-    """The clouds that are attacked, if any, in a bag that fits all of the request."""
+    """The clouds to attack, None without any. Raises AdvpipeError if the bag does not fit the request."""
     recording = recording_of(reader)
     for spec in request.attacks:
         recording.refuse_outside(spec)
@@ -116,7 +130,7 @@ def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:
 
 def _write_with_clouds(
     reader: BagReader,
-    changes: Sequence[Change],
+    messages: Iterable[RawMessage],
     plan: CloudPlan,
     request: AttackRequest,
     job: Job,
@@ -125,7 +139,6 @@ def _write_with_clouds(
 ) -> None:
     """The messages of the chosen frames, adversarial clouds among them, with their labels."""
     place_of = {(cloud.topic, cloud.frame): place for place, cloud in enumerate(plan.attacked)}
-    messages = changed_messages(reader, changes)
     with PointTables(bag.folder) as tables:
         for frame, message in messages_of_frames(reader, messages, plan, clouds_only=request.has_messages):
             if frame is None:
@@ -133,10 +146,13 @@ def _write_with_clouds(
                 continue
             stamped, place = reader.cloud(message), place_of.get((message.topic.name, frame))
             if place is None:
-                result, name = unchanged(stamped.cloud, "not scheduled"), ""
+                result, name = unchanged(stamped.cloud, NOT_SCHEDULED), ""
             else:
                 result, name = job.require(place), request.lidar[plan.attacked[place].attack].type
             bag.copy(_with_result(message, stamped, result))
+            if request.debug and len(result.labels):
+                topic, cdr = touched_cloud(message.topic.name, stamped, result)
+                bag.write_cdr(topic, cdr, message.log_time_ns)
             row = LabelledFrame(
                 *(message.topic.name, frame, name, stamped, len(result.cloud)),
                 *(result.loss_before, result.loss_after, result.note),
@@ -146,7 +162,7 @@ def _write_with_clouds(
 
 
 def _with_result(message: RawMessage, clean: StampedCloud, result: LidarResult) -> RawMessage:
-    """The cloud's message with the adversarial points; as it was where none was touched."""
+    """The cloud's message with the adversarial points; unchanged if none was touched."""
     if not len(result.labels):
         return message
     return replace(message, cdr=cloud_to_cdr(result.cloud, clean.stamp_ns, clean.frame_id))

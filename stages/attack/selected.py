@@ -1,4 +1,4 @@
-"""The messages of an adversarial bag: of a drive as it was changed, those of the chosen frames."""
+"""The messages of an adversarial bag: of the changed drive, those of the chosen frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an attack did to a bag, in figures."""
+"""The changes that an attack made to a bag, in numbers."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.stages.attack.lidar.base import LidarResult
 
 MAX_NOTES = 8
-"""More lines nobody reads: some notes hold numbers that are others in every frame."""
+"""The most notes that are printed: some contain numbers that differ in every frame."""
+
+
+NOT_SCHEDULED = "not scheduled"
+"""The note on a frame that the attack's schedule leaves out."""
 
 
 @dataclass(repr=False)
 class AttackSummary(Tabular):
-    """Counts over all frames; `unchanged` ones were left as they were.
+    """Counts over all frames; `unchanged` ones stayed as they were.
 
-    bag: the adversarial bag, which is also what the summary stands for as a path.
-    losses: the detector's loss before and after, for each frame with an object to take it for.
-    notes: what the user must know, with the number of frames that it concerns.
-    replaced: topics whose messages are new. counts: of what was done to messages, by what it is.
+    bag: the adversarial bag; as a path, the summary stands for it.
+    losses: the detector's loss before and after, for each frame with an object.
+    notes: what the user must know, with the number of frames concerned.
+    replaced: topics with new messages. counts: of changes to messages, by name.
     """
 
     bag: Path
@@ -47,6 +51,18 @@ class AttackSummary(Tabular):
             self.notes[result.note] += 1
 
     @property
+    def warnings(self) -> list[str]:
+        """One line if clouds were to be changed and none was; empty otherwise."""
+        if not self.frames or self.unchanged < self.frames:
+            return []
+        reasons = Counter({note: count for note, count in self.notes.items() if note != NOT_SCHEDULED})
+        (reason, count), *_ = reasons.most_common(1) or [("the attack gave no reason", self.frames)]
+        return [
+            f"no cloud of {self.bag} was changed: {reason} ({count} of {self.frames} frames); choose other "
+            "frames, or another attack"
+        ]
+
+    @property
     def mean_losses(self) -> tuple[float | None, float | None]:
         """The mean of the losses before and after; None without any."""
         if not self.losses:
@@ -55,8 +71,8 @@ class AttackSummary(Tabular):
         return sum(before) / len(before), sum(after) / len(after)
 
     def to_dicts(self) -> Rows:
-        """One row: the bag, what became of its clouds, the detector's mean loss, and a column for each kind
-        of change to messages, such as `changed`, with their number."""
+        """One row: the bag, the counts of its clouds, the detector's mean loss, and a column for each kind of
+        change to messages, such as `changed`, with their number."""
         before, after = self.mean_losses
         counts = ("frames", "unchanged", "points_clean", "points_adversarial")
         return [
@@ -76,12 +92,12 @@ class AttackSummary(Tabular):
         if self.replaced:
             parts.append(f"new messages on {', '.join(sorted(self.replaced))}")
             if not self.counts.total():
-                parts.append("none is other than it was")
+                parts.append("all as they were")
         parts += [f"{count:,} {what}" for what, count in sorted(self.counts.items()) if count]
         return "\n".join([f"{self.bag}: {'; '.join(parts)}", *self._notes()])
 
     def _notes(self) -> list[str]:
-        """A line for each of the most frequent notes, in the order of their words."""
+        """A line for each of the most frequent notes, in alphabetical order."""
         shown = sorted(self.notes.most_common(MAX_NOTES))
         lines = [f"  {count} of {self.frames} frames: {note}" for note, count in shown]
         rest = self.notes.total() - sum(count for _, count in shown)

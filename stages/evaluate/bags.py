@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import count_frames, has_ground_truth
-from advpipe.pipeline.bag.ground_truth import BOX_TYPES
+from advpipe.pipeline.bag.frames import count_frames, refuse_without_ground_truth
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.stages.evaluate.detection.comparison import bag_name, touches_clouds
 from advpipe.stages.evaluate.options import Options
 
@@ -20,17 +20,19 @@ from advpipe.stages.evaluate.options import Options
 class Bags:
     """A clean bag and adversarial versions of it, with the record of each.
 
-    on_clouds: those whose attacks changed clouds: the others are not shown to detectors.
+    on_clouds: the adversarial bags whose attacks changed clouds; detectors see no others.
+    has_clouds_to_score: whether detectors see any cloud; without adversarial bags, they see the clean ones.
     """
 
     clean: Path
     provenances: Mapping[Path, Provenance]
-    on_clouds: tuple[Path, ...]
+    on_clouds: Mapping[Path, Provenance]
+    has_clouds_to_score: bool
 
     @classmethod
     def checked(cls, clean: Path, adversarial: Sequence[Path], options: Options) -> Bags:
-        """Raises UsageError for a clean bag that is none, lacks clouds or ground truth, for two adversarial
-        bags of one name, and for a choice of no frames."""
+        """Raises UsageError for a clean bag that is adversarial or lacks clouds or ground truth, for two
+        adversarial bags of one name, and for options that choose no frame."""
         reader = BagReader(clean)
         if reader.provenance.is_attack:
             raise UsageError(
@@ -44,22 +46,13 @@ class Bags:
                 raise UsageError(
                     f"two adversarial bags are named {name}; rename one, the report identifies them by name"
                 )
-        on_clouds = tuple(bag for bag, about in provenances.items() if touches_clouds(about))
-        bags = cls(clean, provenances, on_clouds)
-        if bags.has_clouds_to_score:
-            if not has_ground_truth(clean, options.lidar_topic):
-                raise UsageError(
-                    f"{clean} has no ground truth (no topic of {' or '.join(BOX_TYPES)}); "
-                    "give the clean bag that holds it"
-                )
+        on_clouds = {bag: about for bag, about in provenances.items() if touches_clouds(about)}
+        has_clouds_to_score = bool(on_clouds) or not provenances
+        if has_clouds_to_score:
+            refuse_without_ground_truth(clean, options.lidar_topic)
             options.frames.indices(count_frames(clean, options.lidar_topic))  # refuses a bag without clouds
-        window_of(reader, options.frames, options.lidar_topic)  # refuses a choice of none
-        return bags
-
-    @property
-    def has_clouds_to_score(self) -> bool:
-        """Without adversarial bags, the clean clouds are scored."""
-        return bool(self.on_clouds) or not self.provenances
+        window_of(reader, options.frames, options.lidar_topic)  # refuses a choice of no frame
+        return cls(clean, provenances, on_clouds, has_clouds_to_score)
 
     def refuse_another_parent(self, clean_sha256: str) -> None:
         """Raises UsageError for an adversarial bag that was made from another bag."""
@@ -69,5 +62,5 @@ class Bags:
                 raise UsageError(
                     f"{bag} was made from another bag than {self.clean} (parent SHA-256 {parent[:12]}…, "
                     f"not {clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew "
-                    "since, attack again with --overwrite or remove that folder"
+                    f"since, attack again with {option_name('overwrite', True)} or remove that folder"
                 )

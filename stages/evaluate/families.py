@@ -17,7 +17,7 @@ from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.localisation.section import localisation_sections as localisation
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.report.clean import of_first_detector
-from advpipe.stages.evaluate.report.section import Family, ReportSection
+from advpipe.stages.evaluate.report.section import ReportSection
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
 
 OF_WINDOW = (
@@ -27,26 +27,33 @@ OF_WINDOW = (
 )
 
 
-def families(
-    clean: Path, options: Options, summaries: Sequence[Summary] = ()
-) -> tuple[tuple[Family, str], ...]:
-    """What the families of attacks add besides detection, and what to note on the time that they look at.
+def added_sections(
+    clean: Path, adversarial: Sequence[Path], options: Options, summaries: Sequence[Summary] = ()
+) -> list[ReportSection]:
+    """The sections of all families; where frames were chosen, with a note on the window of each.
 
-    A family adds no section where it has nothing to say. Raises AdvpipeError for frames that choose none.
+    A family without results adds no section. Raises AdvpipeError for options that choose no frame.
     """
     window = window_of(BagReader(clean), options.frames, options.lidar_topic)
     seen = partial(coordinated, detected=_detected(clean, options, summaries))
-    timed = [partial(family, window=window) for family in (seen, localisation, v2x)]
-    fused = partial(
-        cooperative,
+    sections = [
+        section
+        for family in (seen, localisation, v2x)
+        for section in family(clean, adversarial, options.seed, window=window)
+    ]
+    if window.end_ns is not None:
+        note = OF_WINDOW.format(length_s=(window.end_ns - window.begin_ns) / 1e9)
+        sections = [replace(section, notes=(*section.notes, note)) for section in sections]
+    fused = cooperative(
+        clean,
+        adversarial,
+        options.seed,
         detector=options.detectors[0],
         device=options.device,
         frames=options.frames,
         lidar_topic=options.lidar_topic,
     )
-    length_s = (window.end_ns - window.begin_ns) / 1e9 if window.end_ns is not None else None
-    note = OF_WINDOW.format(length_s=length_s) if length_s is not None else ""
-    return (*((family, note) for family in timed), (fused, ""))
+    return [*sections, *fused]
 
 
 def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> dict[Path, DetectedFrames]:
@@ -59,16 +66,3 @@ def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> di
         for each in of_first_detector(summaries)
         if each.comparison.bag
     }
-
-
-def added_sections(
-    clean: Path, adversarial: Sequence[Path], options: Options, summaries: Sequence[Summary] = ()
-) -> list[ReportSection]:
-    """What all families add; where frames were chosen, with a note on the time of each part."""
-    sections: list[ReportSection] = []
-    for family, note in families(clean, options, summaries):
-        noted = (note,) if note else ()
-        sections += [
-            replace(each, notes=(*each.notes, *noted)) for each in family(clean, adversarial, options.seed)
-        ]
-    return sections

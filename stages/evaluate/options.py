@@ -30,7 +30,7 @@ class Options:
     defences: tuple[str, ...] = option(
         (),
         "NAME[:parameters], before the detector: sample, outliers, quantise, jitter, shift, flip, "
-        "scale; such as jitter:0.02. Repeatable.",
+        "scale, or your own module:Class; such as jitter:0.02. Repeatable.",
     )
     frames: FrameSlice = option(
         ALL_FRAMES,

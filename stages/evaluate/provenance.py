@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
@@ -29,6 +29,7 @@ SCORING = (
     "pipeline/defences",
     "pipeline/results",
     "stages/evaluate/detection",
+    "stages/evaluate/options.py",
 )
 """The code that decides the figures of detection."""
 
@@ -97,29 +98,26 @@ def results_origin(
     )
 
 
-def transfer_warning(comparison: Comparison) -> list[str]:
-    """A warning if the attack was made against another detector than the one that is scored."""
-    if comparison.is_white_box is not False:
-        return []
-    attacked = comparison.provenance.get("detector", "another detector")
-    return [f"Attacked against {attacked}, evaluated with {comparison.detector}: this is a transfer attack."]
+def comparison_warnings(comparison: Comparison, clean: Path, lidar_topic: str | None) -> list[str]:
+    """What a reader has to know before the metrics of a comparison.
 
-
-def topic_warning(comparison: Comparison, topic: str) -> list[str]:
-    """A warning if the clouds that are scored, those of a topic, are not the ones that were attacked."""
-    attacked = comparison.provenance.fields.lidar_topics
-    if not attacked or topic in attacked:
-        return []
-    return [f"Attacked were the clouds of {', '.join(attacked)}, evaluated were those of {topic}."]
-
-
-def intensity_warning(clean: Path, topic: str) -> list[str]:
-    """A warning if the first cloud of a topic has intensities on another scale than advpipe's."""
-    (frame,) = read_frames(clean, FrameSlice(0, 1), lidar_topic=topic)
-    most = float(np.nanmax(frame.cloud["intensity"], initial=0.0))
-    if most <= 1.0:
-        return []
-    return [
-        f"Intensities go up to {most:g}. Those of advpipe's drives, on which the shipped detector was "
-        "trained, go from 0 to 1: it may find less than in clouds of that scale."
-    ]
+    The attack was made against another detector or other clouds, or the first clean cloud has intensities on
+    another scale than advpipe's.
+    """
+    warnings, topic = [], find_lidar_topic(BagReader(clean), lidar_topic)
+    if comparison.is_white_box is False:
+        attacked = comparison.provenance.get("detector", "another detector")
+        warnings.append(
+            f"Attacked against {attacked}, evaluated with {comparison.detector}: this is a transfer attack."
+        )
+    topics = comparison.provenance.fields.lidar_topics
+    if topics and topic not in topics:
+        warnings.append(f"Attacked were the clouds of {', '.join(topics)}, evaluated were those of {topic}.")
+    (first,) = read_frames(clean, FrameSlice(0, 1), lidar_topic=topic)
+    brightest = float(np.nanmax(first.cloud["intensity"], initial=0.0))
+    if brightest > 1.0:
+        warnings.append(
+            f"Intensities go up to {brightest:g}. Those of advpipe's drives, on which the shipped detector "
+            "was trained, go from 0 to 1: it may find less than in clouds of that scale."
+        )
+    return warnings

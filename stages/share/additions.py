@@ -9,14 +9,13 @@ from pathlib import Path
 from advpipe.pipeline.bag.v2x_picture import draw_bag
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset.layout import CARD_NAME, Layout
+from advpipe.pipeline.viewer_layouts.files import layout_texts
 from advpipe.stages.share import names
 from advpipe.stages.share.baglint_spec import baglint_spec
 from advpipe.stages.share.card import write_card
 from advpipe.stages.share.facts import BagFacts
-from advpipe.stages.share.foxglove import foxglove_layout
 from advpipe.stages.share.options import ShareOptions
 from advpipe.stages.share.pictures import SharedPicture, draw_attack, draw_clean
-from advpipe.stages.share.rviz import rviz_config
 from advpipe.stages.share.tracecheck_contract import tracecheck_contract
 
 _OWN_PACKAGE = "advpipe_msgs/"
@@ -43,8 +42,8 @@ def write_additions(
         (made / names.tracecheck_name(bag.path.name)).write_text(
             tracecheck_contract(bag, title), encoding="utf-8"
         )
-    (made / names.FOXGLOVE).write_text(foxglove_layout(clean), encoding="utf-8")
-    (made / names.RVIZ).write_text(rviz_config(clean), encoding="utf-8")
+    for file_name, text in layout_texts(clean.path).items():
+        (made / names.PLAY / file_name).write_text(text, encoding="utf-8")
     if any(topic.type.startswith(_OWN_PACKAGE) for topic in clean.topics.values()):
         _write_messages(made / names.MESSAGES / _OWN_PACKAGE)
     drives = {sha256_of_bags[bag.path.name]: bag for bag in bags if not bag.is_attack}

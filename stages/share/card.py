@@ -58,7 +58,7 @@ class _Origin(Document):
     altitude_m: Number
 
 
-class _Map(Document):
+class _CardMap(Document):
     """The map's origin, and its sources as plain values."""
 
     model_config = ConfigDict(extra="allow")
@@ -88,7 +88,7 @@ class RecordedScenario(Document):
     """The part of a resolved scenario, of any release, that a card shows."""
 
     description: Text = ""
-    map: _Map = _Map()
+    map: _CardMap = _CardMap()
     sensors: _Sensors = _Sensors()
 
 
@@ -302,7 +302,7 @@ def _numpy_fields(clean: BagFacts, topic: TopicFacts) -> Markdown:
     """The structured type of a cloud topic's points as Python text; empty for another topic."""
     if topic.type != CLOUD_TYPE:
         return Markdown("")
-    _, message = next(BagReader(clean.path).messages(topic.name))
+    _, message = next(BagReader(clean.path, debug=True).messages(topic.name))
     fields = message.fields
     if any(field.datatype not in _POINT_TYPES for field in fields):
         return Markdown("")

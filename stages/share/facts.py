@@ -1,4 +1,4 @@
-"""The contents of a bag, for its card, layouts and specifications; read in one pass over its messages."""
+"""The contents of a bag, for its card and specifications; read in one pass over its messages."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.build import NS_PER_S
-from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics, is_truth
-from advpipe.pipeline.sensors.lidar.lidars import CLOUD_PANEL
-from advpipe.pipeline.sensors.sensor import Panel
+from advpipe.pipeline.messages.debug import is_debug
+from advpipe.pipeline.messages.topics import TF, TF_STATIC, is_truth
 
 _HEADER_TYPES = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 _HEADER = struct.Struct("<iII")  # seconds, nanoseconds, length of the frame's name
@@ -124,39 +123,10 @@ class BagFacts:
     @property
     def lidars(self) -> list[TopicFacts]:
         """The topics with LiDAR clouds; in another tool's bag, with any point clouds."""
+        clouds = [one for one in self.topics.values() if one.type == CLOUD_TYPE and not is_debug(one.name)]
         if self.sensors is None:
-            return [topic for topic in self.topics.values() if topic.type == CLOUD_TYPE]
-        return [topic for topic in self.topics.values() if is_lidar(self.sensors.get(topic.name))]
-
-    @property
-    def panels(self) -> list[tuple[TopicFacts, Panel]]:
-        """The sensors' topics that viewers show, each with its panel."""
-        if self.sensors is None:
-            return [(topic, CLOUD_PANEL) for topic in self.lidars]
-        shown = (
-            (self.topics[name], sensor.panel(name))
-            for name, sensor in sorted(self.sensors.items())
-            if name in self.topics
-        )
-        return [(topic, panel) for topic, panel in shown if panel is not None]
-
-    @property
-    def vehicles(self) -> list[str]:
-        """The namespaces with clouds or true odometry, the ego first."""
-        found = {topic.name.split("/")[1] for topic in self.lidars if topic.name.count("/") > 1}
-        found |= {name.split("/")[1] for name in self.topics if name.endswith("/ground_truth/odometry")}
-        return sorted(found, key=lambda name: (name != VehicleTopics().vehicle, name))
-
-    @property
-    def ego(self) -> str:
-        """The vehicle that viewers follow."""
-        return self.vehicles[0] if self.vehicles else VehicleTopics().vehicle
-
-    @property
-    def ego_frame(self) -> str:
-        """The ego's frame if transforms lead to it, else the root frame."""
-        frame = VehicleTopics(self.ego).base_frame
-        return frame if any(frame in pair for pair in self.transforms) else self.root_frame
+            return clouds
+        return [topic for topic in clouds if is_lidar(self.sensors.get(topic.name))]
 
     @property
     def root_frame(self) -> str:
@@ -164,11 +134,6 @@ class BagFacts:
         children = {child for _, child in self.transforms}
         roots = sorted({parent for parent, _ in self.transforms} - children)
         return roots[0] if len(roots) == 1 else "map"
-
-    @property
-    def markers(self) -> list[str]:
-        """Topics with markers."""
-        return [name for name, topic in self.topics.items() if topic.type.endswith("/MarkerArray")]
 
     @property
     def truths(self) -> list[str]:
@@ -182,7 +147,7 @@ class BagFacts:
 
 def read_facts(path: Path) -> BagFacts:
     """Read a whole bag and check all its checksums; raises AdvpipeError for a damaged bag."""
-    description, reader = describe(path), BagReader(path)
+    description, reader = describe(path), BagReader(path, debug=True)
     topics: dict[str, TopicFacts] = {}
     transforms: dict[tuple[str, str], TransformSpan] = {}
     for raw in reader.raw_messages():

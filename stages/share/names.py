@@ -6,8 +6,6 @@ from advpipe.pipeline.dataset import checksums, signature
 from advpipe.pipeline.dataset.layout import CARD_NAME
 
 CHECKS, FIGURES, PLAY, MESSAGES = "checks", "figures", "play", "msgs"
-FOXGLOVE, RVIZ = f"{PLAY}/foxglove.json", f"{PLAY}/scene.rviz"
-
 FOLDERS = (CHECKS, FIGURES, PLAY, MESSAGES)
 FILES = (CARD_NAME, checksums.FILE, signature.FILE, signature.KEY_FILE)
 

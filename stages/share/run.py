@@ -13,7 +13,7 @@ from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import checksums, layout, signature
-from advpipe.pipeline.dataset.archive import pack, refuse_existing
+from advpipe.pipeline.dataset.archive import pack, refuse_existing_archive
 from advpipe.pipeline.dataset.lay_out import refuse_folder, write_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.stages.share import names
@@ -104,7 +104,7 @@ def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
             f"{str(out)!r}: a name with characters that not every system supports; choose another"
         )
     if _is_archive(out):
-        refuse_existing(out, options.overwrite)
+        refuse_existing_archive(out, options.overwrite)
     elif out.exists():
         refuse_folder(out, overwrite=options.overwrite)
     for name in names.FOLDERS:

@@ -18,6 +18,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
 from advpipe.stages.simulate.network.registry import open_network
@@ -120,7 +121,9 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
         with (
             gc_frozen(),
             prepared as traffic,
-            BagWriter(folder / "clean", provenance=provenance, compression=compression) as writer,
+            BagWriter(
+                folder / "clean", provenance=provenance, compression=compression, finish=write_layouts
+            ) as writer,
         ):
             tally, v2x = _drive(scenario, setting, traffic, Recorder(scenario, writer))
     frames, road_users = scenario.simulation.frames, len(tally.road_users)

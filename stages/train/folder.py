@@ -14,6 +14,7 @@ from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError
 from advpipe.pipeline.core.leftover_names import is_leftover_name
 from advpipe.pipeline.core.lock import LOCK_NAME, take_lock, take_stale_lock
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.detector.device import device_record
 from advpipe.stages.train.config import TrainConfig
 
@@ -125,7 +126,7 @@ class RunFolder:
         elif self.state.is_file() and self.config.read_text(encoding="utf-8") != wanted:
             raise UsageError(
                 f"{self.path} holds an unfinished run with another configuration or other bags; "
-                "pass --overwrite to start again, or choose another folder"
+                f"pass {option_name('overwrite', True)} to start again, or choose another folder"
             )
         write_atomically(self.config, wanted.encode())
 

@@ -10,6 +10,7 @@ import torch
 
 from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.detector.common.network import DetectionNetwork
 
 
@@ -34,7 +35,7 @@ class TrainState:
         rate = float(self.optimiser.param_groups[0]["lr"])
         return AdvpipeError(
             f"the loss is not finite at step {self.step}, at a learning rate of {rate:.3g}; "
-            "lower --learning-rate (3e-3 by default)"
+            f"lower {option_name('learning_rate')} (3e-3 by default)"
         )
 
     def require_finite(self) -> None:
@@ -69,5 +70,6 @@ class TrainState:
             torch.set_rng_state(state["random"])
         except Exception as error:  # torch.load raises whatever unpickling raises
             raise AdvpipeError(
-                f"cannot resume from {path} ({type(error).__name__}); pass --overwrite to start again"
+                f"cannot resume from {path} ({type(error).__name__}); pass "
+                f"{option_name('overwrite', True)} to start again"
             ) from None

@@ -17,7 +17,7 @@ from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageChec
 from advpipe.stages.verify.mcap_scanner import McapScanner
 from advpipe.stages.verify.registry import CHECKS, QUICK, QUICK_ALONE
 from advpipe.stages.verify.result import Fault, Result, Unchecked, Verification
-from advpipe.stages.verify.subject import Bag, Subject, find_subject
+from advpipe.stages.verify.subject import BagUnderTest, Subject, find_subject
 
 __all__ = ["verify"]
 
@@ -95,7 +95,7 @@ def _run(subject: Subject, quick: bool, result: Verification) -> None:
         _check_bag(bag, result)
 
 
-def _check_bag(bag: Bag, result: Verification) -> None:
+def _check_bag(bag: BagUnderTest, result: Verification) -> None:
     """One pass over all messages, and then the checks of the whole bag."""
     faults = list(_safely(_opening(bag), bag.place))
     result.add("container", faults)
@@ -117,7 +117,7 @@ def _check_bag(bag: Bag, result: Verification) -> None:
         result.add(name, _safely(check.check(), bag.place))
 
 
-def _opening(bag: Bag) -> Iterator[Result]:
+def _opening(bag: BagUnderTest) -> Iterator[Result]:
     """Yield nothing; raise the error of a bag whose provenance or topics are unreadable."""
     _ = bag.files, bag.provenance, bag.reader.topics
     yield from ()

@@ -22,7 +22,7 @@ from advpipe.stages.verify.scan import FileScan, scan
 
 
 @dataclass
-class Bag:
+class BagUnderTest:
     """A bag under test: its folder or .mcap file, and its name in findings.
 
     scanners: of its files, filled while the messages are read. candidates: bags that may be its parent.
@@ -79,7 +79,7 @@ class Bag:
             return None
 
     @cached_property
-    def parent(self) -> Bag | None:
+    def parent(self) -> BagUnderTest | None:
         """The bag from which an attack was made, found by its checksum; None if it is not here."""
         wanted = self.provenance.fields.parent_sha256
         for bag in self.subject.candidates:
@@ -98,8 +98,8 @@ class Subject:
 
     root: Path
     layout: Layout | None
-    bags: list[Bag] = field(default_factory=list)
-    candidates: list[Bag] = field(default_factory=list)
+    bags: list[BagUnderTest] = field(default_factory=list)
+    candidates: list[BagUnderTest] = field(default_factory=list)
     key: Path | None = None
     _scans: dict[Path, FileScan | AdvpipeError] = field(default_factory=dict)
 
@@ -154,10 +154,10 @@ def _lone(path: Path) -> Subject:
         )
     root = path if path.is_dir() else path.parent
     subject = Subject(root, None)
-    subject.bags = [Bag(path, path.name, subject)]
+    subject.bags = [BagUnderTest(path, path.name, subject)]
     beside = path.parent / CLEAN_NAME
     if path.is_dir() and path != beside and (beside / METADATA_NAME).is_file():
-        subject.candidates = [Bag(beside, CLEAN_NAME, subject)]
+        subject.candidates = [BagUnderTest(beside, CLEAN_NAME, subject)]
     return subject
 
 
@@ -170,6 +170,6 @@ def _dataset(path: Path) -> Subject:
         raise UsageError(f"{path} is not a data set: {CLEAN_NAME}/{METADATA_NAME} is missing")
     subject = Subject(path, layout)
     if layout is not None:
-        subject.bags = [Bag(bag, subject.place(bag), subject) for bag in layout.bags]
+        subject.bags = [BagUnderTest(bag, subject.place(bag), subject) for bag in layout.bags]
         subject.candidates = subject.bags
     return subject

@@ -25,6 +25,7 @@ from advpipe.pipeline.viewer.scene import (
     SceneBox,
     SceneLine,
     ViewerScene,
+    object_title,
 )
 from advpipe.stages.view.ground_lines import Paths, lane_lines, read_lanes
 from advpipe.stages.view.poses import lidar_SE3_map
@@ -148,7 +149,7 @@ def _truth_boxes(before: Frame, after: Frame | None) -> Iterator[SceneBox]:
         yield SceneBox(
             TRUTH,
             box.tolist(),
-            f"{CLASSES[label]} {boxes.ids[number]}",
+            object_title(CLASSES[label], boxes.ids[number]),
             id=boxes.ids[number],
             group=f"{CLASSES[label]}s",
             facts=(

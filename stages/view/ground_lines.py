@@ -38,10 +38,11 @@ class Paths:
 
     def __init__(self, bag: BagReader) -> None:
         kinds: dict[str, str] = {}
-        for name in bag.topics_of_type(ODOMETRY):
+        known = bag.topics_of_type(ODOMETRY)
+        for name in known:
             own = VehicleTopics(name.strip("/").split("/")[0])
             kinds |= {own.true_odometry.name: TRUE_PATH, own.odometry.name: BELIEVED_PATH}
-        self._kinds = {name: kind for name, kind in kinds.items() if name in bag.topics}
+        self._kinds = {name: kind for name, kind in kinds.items() if name in known}
         self._places: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
         self._thread = threading.Thread(target=self._read, args=(BagReader(bag.path),), daemon=True)
 

@@ -17,14 +17,14 @@ def output_of(*command: str, folder: Path | None = None) -> str:
 
 def test_the_module_runs_what_the_script_runs(tmp_path: Path) -> None:
     script = Path(sysconfig.get_path("scripts")) / "advpipe"
-    for words in (["--version"], ["simulate", "--help"]):
-        as_module = output_of(sys.executable, "-m", "advpipe", *words, folder=tmp_path)
-        assert as_module == output_of(str(script), *words, folder=tmp_path)
+    for arguments in (["--version"], ["simulate", "--help"]):
+        as_module = output_of(sys.executable, "-m", "advpipe", *arguments, folder=tmp_path)
+        assert as_module == output_of(str(script), *arguments, folder=tmp_path)
     (script_entry,) = entry_points(group="console_scripts", name="advpipe")
     assert script_entry.value == "advpipe.__main__:main"
 
 
-def test_importing_is_light_and_tells_the_version() -> None:
+def test_importing_is_light_and_gives_the_version() -> None:
     code = (
         "import sys; before = set(sys.modules); import advpipe; "
         "print(sorted(set(sys.modules) - before)); print(advpipe.__version__)"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,7 +26,7 @@ ONLY_FOR_TERMINALS = {
     "sweep": {"check"},
 }
 """Options of the command line that are parameters of an attack, by their names, in Python; and a check."""
-RENAMED = {"attack": {"kind": "type"}, "evaluate": {"bags": "adversarial"}}
+RENAMED = {"evaluate": {"bags": "adversarial"}}
 """A few options have other names inside the command line, which users do not see."""
 SHOWN = {"evaluate": {"detector": "small"}}
 """Defaults that the command line does not state as such, but shows."""
@@ -64,7 +65,7 @@ def test_type_checkers_see_the_names_that_are_loaded() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(advpipe._MODULE_OF))
-def test_every_name_is_there_and_told_of(name: str) -> None:
+def test_every_name_is_there_and_documented(name: str) -> None:
     found = getattr(advpipe, name)
     assert found is getattr(advpipe, name)
     if inspect.isclass(found) or inspect.isfunction(found):
@@ -96,3 +97,37 @@ def test_names_and_defaults_are_those_of_the_command_line(command: str) -> None:
     assert ours == {renamed.get(name, name): default for name, default in theirs.items()} | SHOWN.get(
         command, {}
     )
+
+
+ARRAYS = re.compile(r"NDArray|Float64|Float32|Bools|\bCloud\b|\bTensor\b|ArrayLike|\bTable\b")
+SHAPE = re.compile(r"\([A-Z0-9]\w*(?: [+*] \w+)?(?:,\)|(?:, ?\w+)+\))")
+
+
+def documented() -> dict[str, Callable[..., Any]]:
+    """The public functions by name, with the methods that the public classes define themselves."""
+    found: dict[str, Callable[..., Any]] = {}
+    for name in advpipe._MODULE_OF:
+        thing = getattr(advpipe, name)
+        if inspect.isfunction(thing):
+            found[name] = thing
+        elif inspect.isclass(thing):
+            for key, member in vars(thing).items():
+                method = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+                if not key.startswith("_") and inspect.isfunction(method):
+                    found[f"{name}.{key}"] = method
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(documented()))
+def test_docstrings_give_shapes_and_errors(name: str) -> None:
+    """A function that takes or returns arrays gives their shapes, and one that raises says what; a method may
+    leave it to its class."""
+    function, owner = documented()[name], name.partition(".")[0]
+    text = inspect.getdoc(getattr(advpipe, owner)) or ""
+    if "." in name:
+        text += inspect.getdoc(getattr(getattr(advpipe, owner), name.partition(".")[2])) or ""
+    assert inspect.getdoc(function) or text, "no docstring"
+    if any(ARRAYS.search(str(one)) for one in function.__annotations__.values()):
+        assert SHAPE.search(text), "no shape"
+    if re.search(r"raise (Usage|Advpipe|Cam|Key|Value)Error", inspect.getsource(function)):
+        assert "aise" in text, "no errors"

@@ -64,5 +64,5 @@ def test_it_shows_the_figures_of_the_report(executed: tuple[Path, dict[str, list
     assert f"<td>{row['map_ratio_percent']:.2f}</td>" in html(outputs["evaluate"])
     assert f"<td>{row['map_ratio_percent']:.6f}</td>" in html(outputs["data-frame"])
     (line,) = outputs["lies"]
-    lies, cams = (int(word) for word in line.text.split() if word.isdigit() and word != "0")
-    assert 0 < lies < cams == len(open_bag(folder / "datasets/smoke").sent_cams())
+    false_cams, cams = (int(part) for part in line.text.split() if part.isdigit() and part != "0")
+    assert 0 < false_cams < cams == len(open_bag(folder / "datasets/smoke").sent_cams())

@@ -65,9 +65,9 @@ def test_a_script_of_a_user(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT, encoding="utf-8")
     command = [sys.executable, "-m", "mypy", str(script)]  # by the project's options, and so with its cache
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout.splitlines()
+    stated = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout.splitlines()
     lines = SCRIPT.splitlines()
-    revealed = [line.partition('type is "')[2].rstrip('"') for line in told if "Revealed type" in line]
+    revealed = [line.partition('type is "')[2].rstrip('"') for line in stated if "Revealed type" in line]
     assert [kind.replace("builtins.", "") for kind in revealed] == [
         "str",
         "int",
@@ -76,5 +76,5 @@ def test_a_script_of_a_user(tmp_path: Path) -> None:
         "tuple[Any, ...]",
         "bool",
     ]
-    wrong = [lines[int(line.split(":")[1]) - 1] for line in told if ": error:" in line]
+    wrong = [lines[int(line.split(":")[1]) - 1] for line in stated if ": error:" in line]
     assert wrong == lines[-3:]

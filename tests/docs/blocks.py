@@ -1,4 +1,4 @@
-"""Every fenced block of the README, CONTRIBUTING.md and the pages of docs/."""
+"""Every fenced block of the READMEs, CONTRIBUTING.md and the pages of docs/."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+RUN = ("docs/tutorial.md", "docs/extending.md")
+"""Pages whose commands are carried out; those of the others are parsed."""
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted(
+        path for part in ("benchmarks", "datasets", "pipeline") for path in (ROOT / part).rglob("README.md")
+    ),
+]
 _FENCE = re.compile(r"^( *)(`{3,})([^\n`]*)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
 
 
@@ -31,7 +40,7 @@ class Block:
     def commands(self) -> list[list[str]]:
         """The words of each command of a block of bash, comments left out, continued lines joined."""
         lines = self.text.replace("\\\n", " ").splitlines()
-        return [words for line in lines if (words := shlex.split(line, comments=True))]
+        return [arguments for line in lines if (arguments := shlex.split(line, comments=True))]
 
 
 def blocks(path: Path) -> list[Block]:

@@ -1,48 +1,45 @@
-"""Carries out one page from top to bottom in the working folder: python carry_out.py docs/tutorial.md.
-
-Python and `advpipe` commands run in this process, so that the libraries are loaded once; with one processor,
-no workers load them again.
-"""
+"""Carries out a page from top to bottom in the working folder, in this process, which has the libraries."""
 
 from __future__ import annotations
 
-import os
+import runpy
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import blocks
 
 from advpipe.pipeline.cli import app
 
+COARSE = "--set sensors.lidars.lidar.points_per_second=7200 --set sensors.lidars.lidar.rotation_frequency=2"
+"""Added to every `advpipe simulate smoke`: few clouds of few points, for a small part of the time."""
+ALONE = ("sonar.py",)
+"""Files that register a sensor, which they have to do before a scenario is read: each in its own process."""
 
-def carry_out(page: str, is_run: bool) -> None:
+
+def carry_out(page: str) -> None:
     """Raises what a block of Python raises, and SystemExit where a command fails."""
     for block in blocks.blocks(blocks.ROOT / page):
         if block.file_name:
             Path(block.file_name).write_text(block.text, encoding="utf-8")
         elif block.language == "python":
             exec(compile(block.text, blocks.where(block), "exec"), {"__name__": "__main__"})
-        elif block.language == "bash" and is_run:
-            for words in block.commands:
-                command(words)
+        elif block.language == "bash" and page in blocks.RUN:
+            for arguments in block.commands:
+                command(arguments)
 
 
-def command(words: list[str]) -> None:
-    """A command of advpipe here, any other as a process."""
-    print(f"{time.process_time():.1f} s: $", *words, flush=True)
-    if words[0] != "advpipe":
-        subprocess.run([sys.executable if words[0] == "python" else words[0], *words[1:]], check=True)
-        return
-    try:
-        app(words[1:])
-    except SystemExit as ended:
-        if ended.code:
-            raise
-
-
-if __name__ == "__main__":
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    carry_out(sys.argv[1], sys.argv[2] == "run")
+def command(arguments: list[str]) -> None:
+    """A command of advpipe or a Python file, or any other program as a process."""
+    print("$", *arguments, flush=True)
+    program, *rest = arguments
+    if program == "advpipe":
+        try:
+            app(rest + COARSE.split() * (rest[:2] == ["simulate", "smoke"]))
+        except SystemExit as ended:
+            if ended.code:
+                raise
+    elif program == "python" and rest[0] not in ALONE:
+        runpy.run_path(rest[0], run_name="__main__")
+    else:
+        subprocess.run([sys.executable if program == "python" else program, *rest], check=True)

@@ -1,17 +1,17 @@
-"""Every fenced block of README.md, CONTRIBUTING.md and docs/ works, or is marked as output.
+"""Every fenced block of the READMEs, CONTRIBUTING.md and docs/ works, or is marked as output.
 
 `bash`: the real command line parses every `advpipe` command, and reads its scenario, its attack and its
-parameters; the pages in RUN are also carried out from top to bottom. `python`: carried out, block by block.
+parameters. `test_pages.py` carries out the pages in `blocks.RUN` from top to bottom, and the `python` of all.
 `yaml`: loaded as a scenario, or as part of one. A block whose first line names a file is that file.
 `text` is output, `mermaid` a drawing and `bibtex` a reference.
 """
 
 from __future__ import annotations
 
+import ast
+import json
 import re
-import shutil
-import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import blocks
@@ -21,18 +21,15 @@ import yaml
 
 from advpipe.commands.attackers import attackers_section
 from advpipe.pipeline.cli import app
-from advpipe.pipeline.cli.attack import _parameters
-from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.cli.attack import given_parameters
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.registry import default_budget
 from advpipe.stages.attack.request import AttackRequest
-from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.run import evaluate
-from advpipe.stages.simulate.run import simulate
 
-RUN = ("docs/tutorial.md", "docs/extending.md")
 OTHER_PROGRAMS = {"apt-get", "dnf", "pacman", "pip", "python", "python3"}
+INTERNAL = ("pipeline", "stages", "commands")
+"""Parts of `advpipe` that are not for users."""
 COMMANDS = typer.main.get_command(app)
 
 
@@ -48,21 +45,21 @@ def test_every_block_says_what_it_is() -> None:
 @pytest.mark.parametrize("block", blocks.of("bash"), ids=blocks.where)
 def test_commands_exist(block: blocks.Block) -> None:
     """With their options; scenarios, attacks and parameters are read as the command reads them."""
-    for words in block.commands:
-        program, *rest = words
+    for arguments in block.commands:
+        program, *rest = arguments
         if program.removeprefix(".venv/bin/") == "advpipe":
             parse(rest)
         elif program == "make":
             rules = (blocks.ROOT / "Makefile").read_text(encoding="utf-8")
-            targets = [word for word in rest if "=" not in word]
-            assert all(re.search(rf"^{target}:", rules, re.MULTILINE) for target in targets), words
+            targets = [argument for argument in rest if "=" not in argument]
+            assert all(re.search(rf"^{target}:", rules, re.MULTILINE) for target in targets), arguments
         else:
-            assert program.removeprefix(".venv/bin/") in OTHER_PROGRAMS, words
+            assert program.removeprefix(".venv/bin/") in OTHER_PROGRAMS, arguments
 
 
-def parse(words: list[str]) -> None:
+def parse(arguments: list[str]) -> None:
     """Raises what the command line would raise for these words."""
-    name, *rest = words
+    name, *rest = arguments
     given = COMMANDS.commands[name].make_context(name, rest).params  # type: ignore[attr-defined]
     if name == "attack":
         check_attack(given)
@@ -76,15 +73,15 @@ def shipped() -> set[str]:
 
 def check_attack(given: dict) -> None:
     """The attack as the command makes it of its options, but for a user's own class."""
-    if ":" in given["kind"]:
+    if ":" in given["type"]:
         return
-    usual = default_budget(given["kind"])
+    usual = default_budget(given["type"])
     own = {one.name for one in COMMANDS.commands["attack"].params}  # type: ignore[attr-defined]
     options = {name: value for name, value in given.items() if name not in own and value is not None}
     tree = {
-        "type": given["kind"],
+        "type": given["type"],
         "recipe": given["recipe"],
-        "parameters": {**usual, **_parameters(options, given["settings"] or [])},
+        "parameters": {**usual, **given_parameters(options, given["settings"] or [])},
         "attackers": attackers_section(given["attacker"] or []),
         "victim": given["victim"],
         "frames": given["frames"],
@@ -94,8 +91,8 @@ def check_attack(given: dict) -> None:
 
 @pytest.mark.parametrize("block", [one for one in blocks.of("yaml") if not one.file_name], ids=blocks.where)
 def test_documents_load(block: blocks.Block, tmp_path: Path) -> None:
-    """As a scenario; a part of one is put into the smallest scenario that there is. The pages in RUN use
-    those that are files."""
+    """As a scenario; a part of one is put into the smallest scenario that there is. Those that are
+    files, `carry_out.py` writes."""
     tree = yaml.safe_load(block.text)
     whole = {"name": "part", "map": {"generator": {"kind": "grid", "size": 3}}} | tree
     for name in ("my_town.net.xml", "poses.csv", "my_car.obj"):
@@ -106,22 +103,29 @@ def test_documents_load(block: blocks.Block, tmp_path: Path) -> None:
         AttackRequest(specs).check()
 
 
-@pytest.fixture(scope="module")
-def data_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `datasets/smoke`: a drive of three coarse clouds, and its report."""
-    folder = tmp_path_factory.mktemp("blocks")
-    coarse = ["simulation.duration_s=0.3", "sensors.lidars.lidar.points_per_second=72000"]
-    smoke = folder / "datasets" / "smoke"
-    simulate(load_scenario("smoke", [*coarse, "v2x.penetration=1"]), smoke)
-    evaluate(smoke / "clean", [], smoke / "reports" / "small", Options(frames=FrameSlice(0, 1)), workers=1)
-    return folder
+def test_examples_import_from_advpipe_alone() -> None:
+    """Whatever a newcomer copies needs no internal module; `advpipe.networks` is public, too."""
+    sources = {blocks.where(block): block.text for block in blocks.of("python")}
+    for path in sorted((blocks.ROOT / "examples").iterdir()):
+        if path.suffix == ".py":
+            sources[path.name] = path.read_text(encoding="utf-8")
+        elif path.suffix == ".ipynb":
+            cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+            code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+            sources[path.name] = "\n".join(code)
+    modules = {name: set(imported(ast.parse(text))) for name, text in sources.items()}
+    assert set().union(*modules.values()) >= {"advpipe", "advpipe.networks"}
+    for name, found in modules.items():
+        assert {one for one in found if one.startswith("advpipe")} <= {"advpipe", "advpipe.networks"}, name
 
 
-@pytest.mark.parametrize("page", sorted({block.page for block in blocks.of("python")} | set(RUN)))
-def test_pages_run(page: str, data_sets: Path, tmp_path: Path) -> None:
-    """From top to bottom, in one folder: files are written, Python and the commands carried out."""
-    shutil.copytree(data_sets / "datasets", tmp_path / "datasets")
-    script = str(Path(__file__).with_name("carry_out.py"))
-    command = [sys.executable, script, page, "run" if page in RUN else "python alone"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+def imported(tree: ast.AST) -> Iterator[str]:
+    """The modules that Python code imports, or reaches through `advpipe`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield str(node.module)
+            yield from (f"advpipe.{alias.name}" for alias in node.names if alias.name in INTERNAL)
+        elif isinstance(node, ast.Attribute) and node.attr in INTERNAL:
+            yield f"advpipe.{node.attr}"

@@ -34,9 +34,9 @@ OFF_M = {"13 cm along all three axes": (0.13, 0.13, 0.13), "32 cm sideways": (0.
 }
 
 
-def paragraph(words: str, page: str = RESULTS) -> str:
+def paragraph(phrase: str, page: str = RESULTS) -> str:
     """The one paragraph of a page that holds these words."""
-    (found,) = [text for text in page.split("\n\n") if words in text]
+    (found,) = [text for text in page.split("\n\n") if phrase in text]
     return found
 
 
@@ -56,27 +56,27 @@ def overlap(off_m: tuple[float, float, float]) -> float:
     return float(iou_3d(car, car + np.array([[*off_m, 0.0, 0.0, 0.0, 0.0]]))[0, 0])
 
 
-@pytest.mark.parametrize("words", OFF_M)
-def test_how_far_off_a_box_is_a_miss(words: str) -> None:
+@pytest.mark.parametrize("phrase", OFF_M)
+def test_how_far_off_a_box_is_a_miss(phrase: str) -> None:
     """To the centimetre, or to the 2 cm in the length; wherever the three ways stand."""
-    off_m = np.array(OFF_M[words])
+    off_m = np.array(OFF_M[phrase])
     more, less = (overlap(tuple(off_m + sign * 0.02 * (off_m > 0))) for sign in (1, -1))
     assert more < STRICT_IOU["car"] < less
-    length, axis = words.split(" cm ")[0], words.split()[2]
+    length, axis = phrase.split(" cm ")[0], phrase.split()[2]
     texts = paragraph("our mean car (4.5 × 1.8 × 1.6 m)"), paragraph("mean car (4.5 ×", EVALUATION)
     for place in (*texts, " ".join((Constraints.__doc__ or "").split())):
-        assert re.search(rf"{length} cm {axis}", place), (words, place)
+        assert re.search(rf"{length} cm {axis}", place), (phrase, place)
 
 
 def test_lost_objects_have_their_overlap_and_score() -> None:
-    told, found = paragraph("are lost at strict overlap"), rows("town06")
+    text, found = paragraph("are lost at strict overlap"), rows("town06")
     shares = [
         found[f"best-{name}"]["attack_success_percent"] for name in ("perturb-10", "attach-0.5", "detach-1")
     ]
-    assert "At loose overlap and a score of at least 0.24" in told
+    assert "At loose overlap and a score of at least 0.24" in text
     assert all(0.235 <= float(str(row["working_score"])) < 0.245 for row in found.values())
     pattern = r"finds (\d+) objects .* `perturb` loses (\d+) % of them, `attach` (\d+) % and `detach` (\d+) %"
-    match = re.search(pattern, told)
+    match = re.search(pattern, text)
     assert match is not None
     assert match.groups() == ("545", *(f"{float(str(share)):.0f}" for share in shares))
 
@@ -87,10 +87,10 @@ def test_random_best_stands_beside_the_tables() -> None:
         attack: {line["line"]: line["map_ratio_plain_percent"] for line in about[attack]["lines"]}
         for attack in ("perturb", "detach", "attach")
     }
-    told = paragraph("`random-best`, which has the same choice among blind tries")
+    text = paragraph("`random-best`, which has the same choice among blind tries")
     for of_attack in lines.values():
-        assert f"{of_attack['recipe random-best']:.1f} %" in told
-        assert f"{of_attack['recipe best']:.1f}" in told
+        assert f"{of_attack['recipe random-best']:.1f} %" in text
+        assert f"{of_attack['recipe best']:.1f}" in text
     table_head = paragraph('"Strongest plain random" is the strongest of')
     assert "`random-best`" in table_head
     assert "is stronger and not in these tables" in table_head
@@ -105,9 +105,9 @@ def test_recipe_paper_is_said_to_hold_its_points() -> None:
 
 
 def test_the_attacker_is_said_to_know_the_truth() -> None:
-    for told in (paragraph("white box", LIDAR_ATTACKS), paragraph("The attacker knows", README)):
-        assert "true boxes" in told
-        assert "matches detections" in told
+    for text in (paragraph("white box", LIDAR_ATTACKS), paragraph("The attacker knows", README)):
+        assert "true boxes" in text
+        assert "matches detections" in text
 
 
 @pytest.mark.parametrize(("text", "key"), [("name: x", "map"), ("map: {generator: {}}", "name")])
@@ -123,10 +123,10 @@ def test_what_a_scenario_has_to_give(tmp_path: Path, text: str, key: str) -> Non
 def test_scenarios_on_training_maps_are_named() -> None:
     """Those, and only those, whose map is the boulevard or the highway."""
     for page in (README, SCENARIOS):
-        told = paragraph("are on maps that it was trained on", page)
+        text = paragraph("are on maps that it was trained on", page)
         for path in (ROOT / "scenarios").glob("*.yaml"):
             is_trained = re.search(r"sumo_net: (boulevard|highway)", path.read_text()) is not None
-            assert (f"`{path.stem}`" in told.partition("The scenarios")[2]) == is_trained, path.stem
+            assert (f"`{path.stem}`" in text.partition("The scenarios")[2]) == is_trained, path.stem
 
 
 @pytest.mark.parametrize("cell", ["perturb-10", "attach-0.5", "detach-1"])

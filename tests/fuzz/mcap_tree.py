@@ -111,7 +111,7 @@ def put_together(nodes: Iterable[Node]) -> bytes:
         place += 9 + len(node.body)
     data, summary_start = bytearray(MCAP0_MAGIC), 0
     for node in nodes:
-        body = _mended(node, moved)
+        body = _fixed(node, moved)
         if node.opcode == Opcode.DATA_END and len(body) == 4:
             body, summary_start = struct.pack("<I", zlib.crc32(data)), len(data) + 13
         if node.opcode == Opcode.FOOTER and len(body) == 20:
@@ -123,7 +123,7 @@ def put_together(nodes: Iterable[Node]) -> bytes:
     return bytes(data) + MCAP0_MAGIC
 
 
-def _mended(node: Node, moved: dict[int, tuple[int, int]]) -> bytes:
+def _fixed(node: Node, moved: dict[int, tuple[int, int]]) -> bytes:
     try:
         value = node.value()
         if isinstance(value, ChunkIndex):

@@ -17,12 +17,12 @@ import pytest
 
 from advpipe.pipeline.cli import COMMANDS, app
 
-HEAVY = ("torch", "open3d", "libsumo", "numpy", "rosbags", "matplotlib", "pydantic", "scipy")
+HEAVY = ("torch", "open3d", "libsumo", "numpy", "rosbags", "matplotlib", "pydantic", "rich", "scipy")
 
 
-def advpipe(*words: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+def advpipe(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
     """In a process of its own, as its user runs it."""
-    command = [sys.executable, "-m", "advpipe", *words]
+    command = [sys.executable, "-m", "advpipe", *arguments]
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
 
 
@@ -40,21 +40,22 @@ def run(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.M
     """The same in this process, in the test's folder: without a second of imports each time."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*words: str) -> Done:
+    def run(*arguments: str) -> Done:
         capfd.readouterr()
         with pytest.raises(SystemExit) as ended:
-            app(list(words), prog_name="advpipe")
+            app(list(arguments), prog_name="advpipe")
         return Done(int(ended.value.code or 0), *capfd.readouterr())
 
     return run
 
 
-def test_help_loads_nothing_heavy() -> None:
+@pytest.mark.parametrize("arguments", [["--help"], ["attack", "--help"]])
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     code = (
         "import sys, contextlib, io\n"
         "from advpipe.pipeline.cli import app\n"
         "with contextlib.redirect_stdout(io.StringIO()) as text, contextlib.suppress(SystemExit):\n"
-        "    app(['--help'])\n"
+        f"    app({arguments})\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules], len(text.getvalue()))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -118,11 +119,11 @@ ONLY_THE_ATTEMPT_SHOWS = (
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_told_in_one_line(run: Run, tmp_path: Path, mistake: str) -> None:
-    words, message = MISTAKES[mistake]
+def test_a_mistake_is_reported_in_one_line(run: Run, tmp_path: Path, mistake: str) -> None:
+    arguments, message = MISTAKES[mistake]
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").touch()
-    done = run(*words)
+    done = run(*arguments)
     assert done.returncode == (1 if mistake in ONLY_THE_ATTEMPT_SHOWS else 2)
     assert message in done.stderr
     assert done.stderr.startswith("advpipe: ")
@@ -149,8 +150,8 @@ def test_the_three_stages_with_defaults(run: Run, tmp_path: Path) -> None:
     assert "detach" in unknown.stderr
     assert unknown.stderr.count("\n") == 1
     (tmp_path / "file").touch()
-    for words in (["attack", "-o", "file/x"], ["train", "datasets/smoke", "-o", "file/y"]):
-        refused = run(*words)
+    for arguments in (["attack", "-o", "file/x"], ["train", "datasets/smoke", "-o", "file/y"]):
+        refused = run(*arguments)
         assert refused.returncode in (1, 2)
         assert refused.stderr.startswith("advpipe: file")
         assert refused.stderr.count("\n") == 1
@@ -251,8 +252,8 @@ def test_what_a_killed_simulation_wrote_is_recovered(run: Run, tmp_path: Path) -
     assert described["clouds"] > 3
     assert described["provenance"]["scenario_name"] == "smoke"
     assert json.loads(described["provenance"]["recovered"])["clouds"] == described["clouds"]
-    words = ["attack", "datasets/smoke-recovered", "--recipe", "random", "--frames", "1:3"]
-    attacked = run(*words)
+    arguments = ["attack", "datasets/smoke-recovered", "--recipe", "random", "--frames", "1:3"]
+    attacked = run(*arguments)
     assert attacked.returncode == 0, attacked.stderr
     again = run("recover", "datasets/smoke-recovered")
     assert (again.returncode, "nothing to recover" in again.stdout) == (0, True)

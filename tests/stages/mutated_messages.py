@@ -237,13 +237,12 @@ def failures(
             shutil.copytree(bag, dataset / "clean")
         for name in commands:
             places = {"bag": bag, "out": scratch, "clean": clean, "set": dataset}
-            words = [word.format(**places) for word in COMMANDS[name]]
-            result = CliRunner().invoke(app, words)
+            arguments = [argument.format(**places) for argument in COMMANDS[name]]
+            result = CliRunner().invoke(app, arguments)
             if result.exception is not None and not isinstance(result.exception, SystemExit):
-                told = "".join(traceback.format_exception(result.exception)).splitlines()
-                found.append(
-                    f"{name}: {told[-1][:200]} | {' <- '.join(t.strip() for t in told[-8:-1] if 'File' in t)}"
-                )
+                trace = "".join(traceback.format_exception(result.exception)).splitlines()
+                files = " <- ".join(line.strip() for line in trace[-8:-1] if "File" in line)
+                found.append(f"{name}: {trace[-1][:200]} | {files}")
             elif result.exit_code:
                 lines = [line for line in result.stderr.splitlines() if line.startswith("advpipe: ")]
                 if name != "verify" and len(lines) != 1:

@@ -241,16 +241,16 @@ def test_invalid_files_of_a_data_set_are_handled(
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     monkeypatch.chdir(tmp_path)
-    settings = [word for one in SMALL for word in ("--set", one)]
-    for words in (
+    settings = [argument for one in SMALL for argument in ("--set", one)]
+    for arguments in (
         ("verify", str(folder)),
         ("share", str(folder), "-o", "shared"),
         ("inspect", str(folder)),
         ("recover", str(folder), "-o", "recovered"),
         ("run", "smoke", "-o", str(folder), *settings),
     ):
-        result = CliRunner().invoke(app, words)
-        assert result.exception is None or isinstance(result.exception, SystemExit), words
+        result = CliRunner().invoke(app, arguments)
+        assert result.exception is None or isinstance(result.exception, SystemExit), arguments
         assert "Traceback" not in result.output
 
 
@@ -258,7 +258,7 @@ def test_run_refuses_invalid_files(drive: Path, tmp_path: Path, monkeypatch: pyt
     """A scenario.yaml that is not text may be a user's file, so it is kept."""
     folder = Path(shutil.copytree(drive, tmp_path / "drive"))
     (folder / "scenario.yaml").write_bytes(BINARY)
-    settings = [word for one in SMALL for word in ("--set", one)]
+    settings = [argument for one in SMALL for argument in ("--set", one)]
     result = CliRunner().invoke(app, ["run", "smoke", "-o", str(folder), *settings])
     assert result.exit_code == 1
     assert "scenario.yaml is not a UTF-8 text file" in result.stderr

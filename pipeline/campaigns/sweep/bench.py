@@ -1,4 +1,4 @@
-"""Where the cells of a sweep are run."""
+"""Runs the cells of a sweep."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from advpipe.stages.attack.run import AttackRequest, attack
 
 @dataclass(frozen=True)
 class Bench:
-    """Where cells are run: stage 2 makes a bag, stage 3 scores it, and it goes unless it is to be kept."""
+    """Runs cells: stage 2 makes a bag, stage 3 scores it, and it is removed unless `keep_bags`."""
 
     clean: Path
     out: Path
@@ -52,10 +52,10 @@ class Bench:
                 "lidar": settings.lidar_topic,
             }
         )
-        return AttackRequest((spec,), settings.seed, self.device)
+        return AttackRequest((spec,), settings.seed, self.device, debug=self.keep_bags)
 
     def attack(self, budget: SweepBudget, recipe: str, settings: Settings, bag: Path) -> None:
-        """The bag of a budget; one that a killed run has finished is taken as it is."""
+        """Make the bag of a budget; a bag that a killed run has finished is kept."""
         request, made = self.request(budget, recipe, settings), bag / "attack.yaml"
         if made.is_file():
             wanted = resolved_text(job_provenance(BagReader(self.clean), request))
@@ -65,7 +65,7 @@ class Bench:
             attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
 
     def run(self, budget: SweepBudget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
-        """A cell, from the attack to the figures, and what it took."""
+        """Attack and evaluate one cell; also the time that each took."""
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
         begin_s = time.perf_counter()
         self.attack(budget, recipe, settings, bag)
@@ -85,7 +85,7 @@ class Bench:
         return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
 
     def tidy(self, folder: Path) -> None:
-        """Remove a bag, and the folder around it where nothing else is left."""
+        """Remove a bag, and its parent folder if that is empty then."""
         remove_output(folder)
         if folder.parent.is_dir() and not any(folder.parent.iterdir()):
             folder.parent.rmdir()

@@ -10,12 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.attack.lidar.base import Budget as Axis
 from advpipe.stages.attack.lidar.base import lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 
 AXES: Mapping[str, Axis] = {
-    name: budget for name, kind in LIDAR_ATTACKS.items() if (budget := lidar_traits(kind).budget).published
+    name: budget
+    for name, attack_class in LIDAR_ATTACKS.items()
+    if (budget := lidar_traits(attack_class).budget).published
 }
 """By attack, what a budget of the paper's tables bounds; in the order of its Table II."""
 
@@ -43,12 +46,12 @@ class SweepBudget:
     def parameters(self) -> dict[str, float | int]:
         """What the attack is given."""
         axis = AXES[self.attack]
-        return {axis.parameter: round(self.printed * axis.scale, 9), **dict(axis.others)}
+        return {axis.parameter: round(self.printed * axis.scale, 9), **dict(axis.shared_parameters)}
 
 
 TABLES: dict[str, tuple[SweepBudget, ...]] = {
     "paper": tuple(
-        SweepBudget(attack, figure.printed, figure.map_ratio_percent, figure.chamfer_distance_m2)
+        SweepBudget(attack, figure.table_value, figure.map_ratio_percent, figure.chamfer_distance_m2)
         for attack, axis in AXES.items()
         for figure in axis.published
     )
@@ -58,7 +61,7 @@ TABLES: dict[str, tuple[SweepBudget, ...]] = {
 TABLE_ONE = tuple(
     budget.name
     for budget in TABLES["paper"]
-    if budget.parameters[AXES[budget.attack].parameter] == AXES[budget.attack].usual
+    if budget.parameters[AXES[budget.attack].parameter] == AXES[budget.attack].default
 )
 """The budgets of Table I, in its order: what an attack gets where the user names none."""
 
@@ -69,11 +72,11 @@ def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[SweepBudget, 
     Raises AdvpipeError for an unknown table or name, with the known ones.
     """
     if table not in TABLES:
-        raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
+        raise UsageError(f"unknown table {table!r}; {known_names(table, TABLES)}")
     known = {budget.name: budget for budget in TABLES[table]}
     for name in names:
         if name not in known:
-            raise UsageError(f"unknown cell {name!r}; known: {', '.join(known)}")
+            raise UsageError(f"unknown cell {name!r}; {known_names(name, known)}")
     return tuple(budget for name, budget in known.items() if not names or name in names)
 
 

@@ -21,11 +21,11 @@ LIMIT_BYTES = 1 << 24
 
 @dataclass(frozen=True)
 class Settings:
-    """What a cell's values depend on, besides recipe and budget.
+    """The settings that a cell's values depend on, besides recipe and budget.
 
     clean_sha256: of the clean bag, as `parent_sha256` has it. detector: its name in reports. frames:
     start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap.
-    baseline_tries: of how many the best is scored, None for as many as the attack's query budget. advpipe,
+    baseline_tries: the best of so many is scored, None for the attack's query budget. advpipe,
     code_sha256: the version of this package, and of its code that attacks clouds and scores.
     device: what the detector computed on, cpu or cuda.
     """
@@ -44,7 +44,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Cell:
-    """What came out of one cell.
+    """The results of one cell.
 
     budget: a name of `budgets`. row: of the evaluation's report. bag_sha256: of the adversarial bag.
     frames, found_objects, lost_objects: of each frame that was scored, its index in the clean bag, how many
@@ -83,11 +83,12 @@ class Cell:
         return f"{self.recipe}-{self.budget}"
 
     def reproducible_values(self) -> dict[str, Any]:
-        """All values that are the same when the cell is computed again: without the commit, as most of them
-        leave its code alone."""
+        """All values that stay the same when the cell is computed again; not the commit, since most commits
+        do not change this code."""
         return {key: value for key, value in self._record().items() if key != "commit"}
 
     def to_json(self) -> str:
+        """The cell as a JSON document with sorted keys."""
         return json.dumps(self._record(), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
     def _record(self) -> dict[str, Any]:

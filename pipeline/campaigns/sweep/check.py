@@ -18,9 +18,9 @@ from advpipe.pipeline.core.verbosity import print_result
 def check_cells(
     bench: Bench, store: Store, places: Sequence[tuple[str, SweepBudget]], count: int, seed: int
 ) -> list[str]:
-    """Compute some of the stored cells again, as they were made; raises AdvpipeError where one differs.
+    """Compute some of the stored cells again with their settings; raises AdvpipeError if one differs.
 
-    By the code that there is: figures that stay the same show that a change of it changed nothing.
+    The current code computes them: equal figures show that changes of the code did not change them.
     """
 
     stored = [(cell, budget) for recipe, budget in places if (cell := store.load(recipe, budget.name))]

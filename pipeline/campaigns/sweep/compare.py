@@ -12,9 +12,10 @@ DEPEND_ON_CODE = ("settings.code_sha256", "settings.advpipe", "bag_sha256")
 
 
 def cell_differences(stored: Cell, again: Cell) -> list[str]:
-    """What is not the same, such as `row.map_adv 0.5, again 0.4`; the time taken is not compared.
+    """The differences, such as `row.map_adv 0.5, again 0.4`; times are not compared.
 
-    Nor is, where other code made the stored one, what depends on the code alone, which the bag names too.
+    If other code made the stored cell, neither is what depends on the code alone: its hash, which is also in
+    the bag, and the bag's hash.
     """
     before, after = _flat(stored.reproducible_values()), _flat(again.reproducible_values())
     is_other_code = stored.settings.code_sha256 != again.settings.code_sha256

@@ -27,7 +27,7 @@ COLUMNS: dict[str, tuple[str, int]] = {
 
 
 def measured(cells: Sequence[Cell]) -> dict[str, Any]:
-    """By attack, what was measured of the detector of these cells; of another one it says nothing."""
+    """By attack, what was measured with the detector of these cells; empty for other detectors."""
     stored: dict[str, Any] = plain_json.load_json(PATH.read_text(encoding="utf-8"))
     detectors = {cell.settings.detector_sha256 for cell in cells}
     return {

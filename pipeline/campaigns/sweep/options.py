@@ -1,4 +1,4 @@
-"""What a sweep is asked to do."""
+"""The options of a sweep."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from advpipe.pipeline.core import options
 from advpipe.pipeline.core.options import check_bounds, option
 
 USUAL_FRAMES = 100
-"""Of a sweep that names none: at most so many, equally spaced over the bag."""
+"""Without `frames`, at most so many, equally spaced over the bag."""
 
 
 @dataclass(frozen=True)
 class SweepOptions:
     """Which cells of a table, and how they are made and scored.
 
-    table: whose budgets; cells: some of them only, by name. recipes: of the attacks. frames: of the clean
-    bag; None for at most `USUAL_FRAMES`. seed: of the attacks, the baselines and the
-    bootstrap. baseline_tries: see `evaluate`. keep_bags: the adversarial bags stay, in bags/. workers:
-    processes, by default one a core.
+    table: whose budgets. cells: the names of some of them; empty for all. recipes: of the attacks. frames: of
+    the clean bag; None for at most `USUAL_FRAMES`. seed: of the attacks, the baselines and the bootstrap.
+    baseline_tries: see `evaluate`. keep_bags: whether to keep the adversarial bags, in bags/. workers:
+    processes, by default one per core.
     """
 
     table: str = option("paper", "Whose budgets: paper (all 18 of its Table II).")

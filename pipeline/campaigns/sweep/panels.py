@@ -13,10 +13,9 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
-from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
+from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.report.birds_eye import draw_view, legend
 from advpipe.stages.evaluate.report.scene import ReportScene, crop, load_scene
 from advpipe.stages.evaluate.report.style import INK
@@ -56,19 +55,20 @@ def load_scenes(
     run = DetectionRun(
         detector,
         clean,
-        tuple(bags),
-        tuple(BagReader(bag).provenance for bag in bags),
-        settings.lidar_topic,
-        settings.seed,
-        baseline=False,
-        frames=FrameSlice(frame, frame + 1),
-        device=device,
+        {bag: BagReader(bag).provenance for bag in bags},
+        Options(
+            detectors=(detector,),
+            seed=settings.seed,
+            baseline=False,
+            frames=FrameSlice(frame, frame + 1),
+            lidar_topic=settings.lidar_topic,
+            device=device,
+        ),
     )
-    classes = known_classes(load_detector(detector, device))
     scenes = []
     for comparison, cell in zip(run.comparisons(1), cells, strict=True):
         score = cell.row.counts.working_score
-        summary = replace(summarise(comparison, classes, 1, settings.seed), min_score=score)
+        summary = replace(summarise(comparison, 1, settings.seed), min_score=score)
         scenes.append(load_scene(clean, summary, comparison.frames[0], settings.lidar_topic))
     return scenes
 

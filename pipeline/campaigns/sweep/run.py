@@ -29,7 +29,7 @@ from advpipe.stages.evaluate.training_map import map_status
 
 @dataclass(frozen=True)
 class Sweep:
-    """The cells that are asked for, of a clean bag, in a folder that keeps finished ones."""
+    """The requested cells of a clean bag, in a folder that keeps finished cells."""
 
     clean: Path
     store: Store
@@ -40,7 +40,7 @@ class Sweep:
 
     @classmethod
     def prepared(cls, clean: Path, out: Path, options: SweepOptions) -> Sweep:
-        """Raises AdvpipeError for whatever can be refused now rather than hours later."""
+        """Raises AdvpipeError for everything that can be refused before hours of work."""
         with as_usage_error():
             budgets = tuple(choose_budgets(options.table, list(options.cells)))
         settings = sweep_settings(clean, options)
@@ -58,7 +58,7 @@ class Sweep:
         return ((recipe, budget) for recipe in self.options.recipes for budget in self.budgets)
 
     def check(self, count: int) -> list[str]:
-        """Compute so many finished cells again and compare; the names of those, see `check_cells`."""
+        """Compute so many finished cells again and compare them; returns their names, see `check_cells`."""
         return check_cells(self.bench, self.store, list(self.places()), count, self.options.seed)
 
     def run(self, overwrite: bool = False) -> SweepReport:
@@ -134,7 +134,7 @@ def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:
 
 
 def commands_of(clean: Path, table: str, cells: Sequence[Cell]) -> str:
-    """What to type for the same cells: a line for each recipe, which may have frames of its own."""
+    """The commands that make the same cells: a line for each recipe, since their frames may differ."""
     of_recipe = {cell.recipe: cell.settings for cell in cells}
     return "\n".join(
         f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipe {recipe} "

@@ -14,14 +14,13 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.device import CPU
-from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
-from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.metrics import ratio_draws
-from advpipe.stages.evaluate.detection.scoring import known_classes
 from advpipe.stages.evaluate.detection.summary import summarise
+from advpipe.stages.evaluate.options import Options
 
 DRAWS = 1000
 
@@ -41,17 +40,18 @@ def scored_cell(
     run = DetectionRun(
         detector,
         clean,
-        (bag,),
-        (BagReader(bag).provenance,),
-        settings.lidar_topic,
-        settings.seed,
-        baseline_tries=settings.baseline_tries,
-        frames=FrameSlice.parse(settings.frames),
-        device=device,
+        {bag: BagReader(bag).provenance},
+        Options(
+            detectors=(detector,),
+            seed=settings.seed,
+            baseline_tries=settings.baseline_tries,
+            frames=FrameSlice.parse(settings.frames),
+            lidar_topic=settings.lidar_topic,
+            device=device,
+        ),
     )
     (comparison,) = run.comparisons(workers)
-    classes = known_classes(load_detector(detector, device))
-    summary = summarise(comparison, classes, DRAWS, settings.seed)
+    summary = summarise(comparison, DRAWS, settings.seed)
     return Cell(
         budget,
         recipe,
@@ -61,20 +61,17 @@ def scored_cell(
         frames=tuple(frame.index for frame in comparison.frames),
         found_objects=tuple(each.clouds["clean"].found_objects for each in summary.per_frame),
         lost_objects=tuple(each.clouds["adv"].lost_objects for each in summary.per_frame),
-        map_ratio_draws=_draws(
-            comparison.frames, classes, summary.result.counts.classes_in_map, settings.seed
-        ),
+        map_ratio_draws=_draws(comparison, summary.result.counts.classes_in_map, settings.seed),
         commit=source_commit(),
     )
 
 
-def _draws(
-    frames: Sequence[FrameResult], classes: tuple[str, ...], in_map: Sequence[str], seed: int
-) -> tuple[float | None, ...]:
-    """The bootstrap draws of the mAP ratio, those that the row's interval comes of; empty without one.
+def _draws(comparison: Comparison, in_map: Sequence[str], seed: int) -> tuple[float | None, ...]:
+    """The bootstrap draws of the mAP ratio behind the row's interval; empty without one.
 
     Cells of the same frames and seed draw the same blocks: their draws pair.
     """
+    frames, classes = comparison.frames, comparison.classes
     stamps_ns = np.array([frame.stamp_ns for frame in frames])
     bootstrap = BlockBootstrap.of(stamps_ns, DRAWS, named_generator(seed, "evaluate", "bootstrap"))
     clean, attacked = (

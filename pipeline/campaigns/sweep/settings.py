@@ -1,11 +1,11 @@
-"""What a sweep is run on, looked at before hours are spent."""
+"""The settings of a sweep, checked before hours are spent."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import FrameSlice, count_frames, has_ground_truth
+from advpipe.pipeline.bag.frames import FrameSlice, count_frames, refuse_without_ground_truth
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
@@ -36,8 +36,7 @@ def sweep_settings(clean: Path, options: SweepOptions) -> Settings:
     step = max(1, -(-count // USUAL_FRAMES))
     chosen = FrameSlice(step=step) if options.frames is None else FrameSlice.parse(options.frames)
     chosen.indices(count)
-    if not has_ground_truth(clean, options.lidar_topic):
-        raise UsageError(f"{clean} has no ground truth; give the clean bag that holds it")
+    refuse_without_ground_truth(clean, options.lidar_topic)
     load_detector(options.detector, options.device)
     settings = Settings(
         clean_sha256=parent_sha256(clean),

@@ -1,6 +1,6 @@
-"""The folder of a sweep: one file a finished cell, so that a later run goes on where this one stopped.
+"""The folder of a sweep: one file for each finished cell, so that a later run resumes where this one stopped.
 
-The same sweep gives the same files to the byte, stopped or not, but for times.json.
+The same sweep gives byte-identical files, interrupted or not, except for times.json.
 """
 
 from __future__ import annotations
@@ -16,29 +16,30 @@ from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.leftover_names import is_leftover_name
+from advpipe.pipeline.core.option_names import option_name
 
 CELLS, TIMES = "cells", "times.json"
 
 
 @dataclass(frozen=True)
 class Store:
-    """The cells in `folder`/cells, `<recipe>-<budget>.json` each; in times.json, what each of them took."""
+    """The cells in `folder`/cells, each in `<recipe>-<budget>.json`; their times are in times.json."""
 
     folder: Path
 
     def cells(self) -> list[Cell]:
-        """All that are finished, by recipe, in the table's order; AdvpipeError for a file that is none."""
+        """All finished cells, by recipe, in the table's order. Raises AdvpipeError for an invalid file."""
         order = [budget.name for budget in TABLES["paper"]]
         found = [_read(path) for path in (self.folder / CELLS).glob("*.json")]
         return sorted(found, key=lambda cell: (cell.recipe, order.index(cell.budget)))
 
     def load(self, recipe: str, budget: str) -> Cell | None:
-        """The cell, unless it is not finished."""
+        """The cell; None if it is not finished."""
         path = self._path(recipe, budget)
         return _read(path) if path.is_file() else None
 
     def save(self, cell: Cell, times: Times) -> None:
-        """Keep a cell; a killed run leaves the whole of it or nothing."""
+        """Store a cell; a killed run leaves a whole file or none."""
         path = self._path(cell.recipe, cell.budget)
         path.parent.mkdir(parents=True, exist_ok=True)
         taken = {name: asdict(each) for name, each in (self.times() | {cell.name: times}).items()}
@@ -47,7 +48,7 @@ class Store:
         write_atomically(path, cell.to_json().encode())
 
     def times(self) -> dict[str, Times]:
-        """What the cells took, by their names; raises AdvpipeError for a file that does not say so."""
+        """The times of the cells by their names. Raises AdvpipeError for an invalid file."""
         path = self.folder / TIMES
         if not path.is_file():
             return {}
@@ -58,23 +59,23 @@ class Store:
             raise AdvpipeError(f"{path} is damaged; remove it, no figure depends on it") from None
 
     def panels(self, recipe: str) -> Path:
-        """Where the picture of a recipe's four panels lies, if it was drawn."""
+        """The path of the picture of a recipe's four panels, which may not have been drawn."""
         return self.folder / "figures" / f"panels-{recipe}.png"
 
     def open(self, settings: Settings, recipes: Sequence[str], overwrite: bool) -> None:
-        """Make sure that cells of these settings may lie here; with `overwrite` others are removed.
+        """Check that cells of these settings may be stored here; with `overwrite` others are removed.
 
         Recipes may differ in their frames, cells of one recipe may not. Raises AdvpipeError for a
         folder that is no sweep's, and for cells of other settings.
         """
         if self.folder.exists() and not self.folder.is_dir():
-            raise UsageError(f"{self.folder} is no folder; choose another --out")
+            raise UsageError(f"{self.folder} is no folder; choose another {option_name('out')}")
         names = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
         strangers = [name for name in names if not is_leftover_name(name)]
         if strangers and not (self.folder / CELLS).is_dir():
             raise UsageError(
                 f"{self.folder} holds {min(strangers)} but no {CELLS}/, so it is no sweep; "
-                "choose another --out"
+                f"choose another {option_name('out')}"
             )
         for cell in self.cells():
             if (difference := _difference(cell, settings, cell.recipe in recipes)) is None:
@@ -83,7 +84,8 @@ class Store:
                 key, theirs, ours = difference
                 raise UsageError(
                     f"{self.folder} holds {cell.name} of another sweep ({key} {theirs}, not {ours}); give "
-                    "another --out, or pass --overwrite to remove what does not fit"
+                    f"another {option_name('out')}, or pass {option_name('overwrite', True)} to remove what "
+                    "does not fit"
                 )
             self._path(cell.recipe, cell.budget).unlink()
             self.panels(cell.recipe).unlink(missing_ok=True)

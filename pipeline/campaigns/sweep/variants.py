@@ -8,16 +8,16 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.core.errors import UsageError
 
 HIDE = "hide"
-"""After no box of loose overlap, rather than after boxes that are off."""
+"""Minimises boxes of loose overlap; without it, an attack minimises boxes of strict overlap."""
 
 STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
-"""So many times the steps, by the same rule: whether the attack would get stronger by more of them."""
+"""Factors of the number of steps, to see whether more steps make the attack stronger."""
 
 VARIANTS = (HIDE, *STEPS)
 
 
 def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
-    """The recipe and its variants; AdvpipeError for a variant that is none, and for a second spelling."""
+    """The recipe and its variants. Raises AdvpipeError for an unknown variant or another spelling."""
     recipe, *variants = text.split("+")
     for variant in variants:
         if variant not in VARIANTS:
@@ -31,14 +31,14 @@ def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
 
 
 def steps_factor(recipe: str) -> float:
-    """How many times the steps of the plain recipe it takes."""
+    """The number of steps of a recipe over that of the plain recipe."""
     return next((STEPS[variant] for variant in split_recipe(recipe)[1] if variant in STEPS), 1)
 
 
 def by_steps(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     """The cells that were also run with other steps, by the name of the plain one, from few steps to many.
 
-    Without the plain one there is nothing to lay them beside.
+    Cells without a plain one are left out: there is nothing to compare them with.
     """
     families: dict[str, list[Cell]] = {}
     for cell in cells:

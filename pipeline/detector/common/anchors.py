@@ -54,6 +54,7 @@ class AnchorGrid:
 
     @property
     def per_cell(self) -> int:
+        """The number of anchors in each cell."""
         return len(self.shapes)
 
     def boxes(self, indices: Tensor) -> Tensor:

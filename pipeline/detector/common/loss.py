@@ -37,6 +37,7 @@ class Losses:
 
     @property
     def total(self) -> Tensor:
+        """The sum of all parts, a scalar."""
         return self.score + self.box + self.direction + self.quality
 
 

@@ -84,10 +84,12 @@ class Second(NetworkDetector[SecondNet]):
 
     @property
     def preset(self) -> SecondPreset:
+        """The preset of the network."""
         return self.net.preset
 
     @property
     def voxel_grid(self) -> VoxelGrid:
+        """The voxels that the network reads, without the layers that only pad its height."""
         depth, height, width = self.preset.grid_zyx
         r = self.preset.range_m
         shape = (width, height, depth - self.preset.layers_above)

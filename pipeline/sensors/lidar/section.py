@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from itertools import pairwise
 from typing import Annotated, Any
@@ -15,6 +14,7 @@ from advpipe.pipeline.core.bounds import (
     MountingM,
     RangeM,
 )
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.section import (
     NotNegative,
     Number,
@@ -23,7 +23,7 @@ from advpipe.pipeline.core.section import (
     Switch,
     Whole,
 )
-from advpipe.pipeline.core.short_repr import short_repr, shorten
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
 from advpipe.pipeline.sensors.sensor import MountedSection
 
@@ -101,11 +101,8 @@ class LidarSensor(MountedSection):
         name, given = keys.get("preset"), dict(keys)
         if isinstance(name, str):
             if name not in LIDAR_PRESETS:
-                close = difflib.get_close_matches(shorten(name.lower()), LIDAR_PRESETS, n=1)
-                hint = f"did you mean {close[0]!r}? " if close else ""
-                raise ValueError(
-                    f"preset {short_repr(name)} is unknown; {hint}known: {', '.join(LIDAR_PRESETS)}"
-                )
+                known = known_names(name, LIDAR_PRESETS)
+                raise ValueError(f"preset {short_repr(name)} is unknown; {known}")
             if any(key in given for key in _FAN):  # the preset's angles do not fit another fan
                 given.setdefault("vertical_angles_deg", None)
             given = LIDAR_PRESETS[name] | given

@@ -6,6 +6,8 @@ from enum import IntEnum, IntFlag
 
 
 class StationType(IntEnum):
+    """`stationType` of ETSI TS 102 894-2."""
+
     UNKNOWN = 0
     PEDESTRIAN = 1
     CYCLIST = 2
@@ -22,12 +24,16 @@ class StationType(IntEnum):
 
 
 class DriveDirection(IntEnum):
+    """`driveDirection` of ETSI TS 102 894-2."""
+
     FORWARD = 0
     BACKWARD = 1
     UNAVAILABLE = 2
 
 
 class CurvatureCalculationMode(IntEnum):
+    """`curvatureCalculationMode` of ETSI TS 102 894-2."""
+
     YAW_RATE_USED = 0
     YAW_RATE_NOT_USED = 1
     UNAVAILABLE = 2
@@ -44,6 +50,8 @@ class TrailerPresence(IntEnum):
 
 
 class VehicleRole(IntEnum):
+    """`vehicleRole` of ETSI TS 102 894-2."""
+
     DEFAULT = 0
     PUBLIC_TRANSPORT = 1
     SPECIAL_TRANSPORT = 2

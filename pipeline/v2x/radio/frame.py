@@ -35,10 +35,12 @@ class RadioFrame:
 
     @property
     def is_sent(self) -> bool:
+        """Whether the radio sent the frame."""
         return self.start_ns != NOT_SENT
 
     @property
     def end_ns(self) -> int:
+        """When the transmission ends."""
         return self.start_ns + self.air_time_ns
 
     def rearrange(self, columns: Int64, sender: int) -> None:

@@ -95,16 +95,16 @@ class Attach(LidarAttack):
             title="Attachment, ε in m",
             parameter="eps_m",
             unit="m",
-            usual=0.5,
+            default=0.5,
             steps="rounds",
-            others={"points": 300},
+            shared_parameters={"points": 300},
             published=(
-                PublishedFigure(printed=0.05, map_ratio_percent=98.82, chamfer_distance_m2=0.00005),
-                PublishedFigure(printed=0.1, map_ratio_percent=95.19, chamfer_distance_m2=0.00011),
-                PublishedFigure(printed=0.3, map_ratio_percent=87.72, chamfer_distance_m2=0.00054),
-                PublishedFigure(printed=0.5, map_ratio_percent=78.46, chamfer_distance_m2=0.00126),
-                PublishedFigure(printed=0.7, map_ratio_percent=77.24, chamfer_distance_m2=0.00226),
-                PublishedFigure(printed=1.0, map_ratio_percent=77.09, chamfer_distance_m2=0.00429),
+                PublishedFigure(table_value=0.05, map_ratio_percent=98.82, chamfer_distance_m2=0.00005),
+                PublishedFigure(table_value=0.1, map_ratio_percent=95.19, chamfer_distance_m2=0.00011),
+                PublishedFigure(table_value=0.3, map_ratio_percent=87.72, chamfer_distance_m2=0.00054),
+                PublishedFigure(table_value=0.5, map_ratio_percent=78.46, chamfer_distance_m2=0.00126),
+                PublishedFigure(table_value=0.7, map_ratio_percent=77.24, chamfer_distance_m2=0.00226),
+                PublishedFigure(table_value=1.0, map_ratio_percent=77.09, chamfer_distance_m2=0.00429),
             ),
         ),
         only_for={
@@ -153,6 +153,10 @@ class Attach(LidarAttack):
     @property
     def query_budget(self) -> int:
         return queries(self.rounds) if self.recipe in QUERYING else 1
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        return self.constraints.need_ground_truth(is_random=self.recipe == "random")
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator

@@ -1,4 +1,4 @@
-"""What a LiDAR attack is: one frame and a detector in; the adversarial cloud and its labels out."""
+"""The base of LiDAR attacks: from a frame and a detector to the adversarial cloud and its labels."""
 
 from __future__ import annotations
 
@@ -8,18 +8,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.labels.cloud_change import CloudChange
+from advpipe.pipeline.labels.cloud_quantity import AGGREGATES, COLUMNS, CloudQuantity
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, cloud_quantities
+from advpipe.pipeline.labels.quantity import Quantity
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.attack.base import Attack, Traits
 
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
-"""The note on a frame where there is nothing to follow."""
+"""The note on a frame where the loss has no gradient."""
 
 QUERYING = ("best", "robust", "random-best")
-"""The recipes that look at what the detector finds, and keep the best."""
+"""The recipes that query the detector, and keep the best candidate."""
 
 MAX_ROUNDS = 1_000_000
 """More steps or rounds for each cloud would take days."""
@@ -42,65 +46,66 @@ class LidarResult:
 
 
 def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
-    """A frame that the attack leaves as it was, and why; the note must tell."""
+    """The result for a cloud (N,) that the attack leaves as it is; the note says why."""
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
 def join_notes(*notes: str) -> str:
-    """Several notes on a frame as one; those that say nothing are left out."""
+    """Several notes on a frame as one; empty ones are left out."""
     return "; ".join(filter(None, notes))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedFigure:
-    """What the paper reports of an attack at one budget, as it prints it: mAP ratio and Chamfer distance."""
+    """The paper's mAP ratio and Chamfer distance at one budget, as its table prints it: table_value."""
 
-    printed: float
+    table_value: float
     map_ratio_percent: float
     chamfer_distance_m2: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """What bounds an attack on a cloud.
+    """The budget of an attack on a cloud.
 
-    parameter: the one that says how much it may do, in `unit` over `scale`. title, unit: as tables print
-    them; a number that is printed times `scale` is the parameter. usual: what the parameter is where the user
-    names none; None where one has to be named. steps: the parameter that says how often the attack looks, if
-    any. others: parameters that all budgets of the attack share. published: figures of the paper (arXiv
-    2509.05332, Table II).
+    parameter: the one that limits the attack. title, unit: as tables print them; a printed number times
+    `scale` is the parameter. default: the parameter if the user gives none; None if it has to be given.
+    steps: the parameter that limits the attack's queries, if any. shared_parameters: parameters that all
+    budgets of the attack have in common. published: figures of the paper (arXiv 2509.05332, Table II).
     """
 
     title: str
     parameter: str
     unit: str
     scale: float = 1.0
-    usual: float | None = None
+    default: float | None = None
     steps: str = ""
-    others: Mapping[str, float | int] = field(default_factory=dict)
+    shared_parameters: Mapping[str, float | int] = field(default_factory=dict)
     published: tuple[PublishedFigure, ...] = ()
 
     @property
-    def usual_parameters(self) -> dict[str, float]:
-        """The parameter at its usual value, where it has one."""
-        return {} if self.usual is None else {self.parameter: self.usual}
+    def default_parameters(self) -> dict[str, float]:
+        """The parameter with its default, if it has one."""
+        return {} if self.default is None else {self.parameter: self.default}
 
 
 @dataclass(frozen=True, kw_only=True)
 class LidarTraits(Traits):
-    """What is known of an attack on clouds whatever its parameters. only_for: parameters that some recipes
-    alone look at, by name, with these recipes; set for another one they are refused."""
+    """Properties of an attack on clouds that do not depend on its parameters. only_for: by name, the recipes
+    that use a parameter; it is refused with any other recipe. quantities: the attack's own, for its bounds;
+    the bag carries them."""
 
     budget: Budget
+    quantities: tuple[CloudQuantity, ...] = ()
     only_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 class LidarAttack(Attack):
     """An attack on clouds. Its constructor takes the hyper-parameters, keyword-only, and checks them.
 
-    It declares its `traits`, and what it keeps to in numbers, its `bounds`: a cloud beyond them is refused,
-    and `verify` measures them again. `examples/my_attack.py` is a whole one. Two attacks on one cloud cannot
-    act at the same time.
+    It declares its `traits` and its `bounds`: a cloud beyond the bounds is refused, and `verify` measures
+    them again. `examples/my_attack.py` is a complete one. Two attacks on one cloud cannot be active at the
+    same time.
     """
 
     family = "lidar"
@@ -115,14 +120,36 @@ class LidarAttack(Attack):
     @property
     @abstractmethod
     def bounds(self) -> Mapping[str, tuple[float, float]]:
-        """Least and most of each quantity that the attack bounds, with its parameters, in every cloud that it
-        changes; by names of `advpipe.pipeline.labels.quantities`."""
+        """Minimum and maximum of each quantity that the attack bounds, with its parameters, in any cloud that
+        it changes; by names of `advpipe.pipeline.labels.quantities` and of the quantities in its traits."""
+
+    @classmethod
+    def measurable(cls) -> Mapping[str, Quantity[CloudChange]]:
+        """What its bounds may be of, by name. Raises UsageError for a quantity of its own that cannot be
+        measured, or has the name of another one."""
+        own = lidar_traits(cls).quantities
+        names = [*CLOUD_QUANTITIES, *(each.name for each in own)]
+        for each in own:
+            if not each.is_measurable:
+                raise UsageError(
+                    f"{cls.__name__}: {each.name} is the {each.aggregate} of {each.column}; known columns: "
+                    f"{', '.join(COLUMNS)}; known aggregates: {', '.join(AGGREGATES)}"
+                )
+            if names.count(each.name) > 1:
+                raise UsageError(f"{cls.__name__}: there is another quantity {each.name}; rename this one")
+        return cloud_quantities(own)
 
     @property
     def query_budget(self) -> int | None:
-        """Of how many attempts the detector judges to keep the best one: the random baselines then get as
-        many. None where it does not say."""
+        """How many candidates the detector judges, of which the attack keeps the best; random baselines get
+        as many queries. None if it declares none."""
         return None
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        """Whether it leaves every cloud without true boxes as it is, so that a bag without ground truth is
+        refused."""
+        return False
 
     @abstractmethod
     def __call__(
@@ -131,7 +158,7 @@ class LidarAttack(Attack):
         """Attack one cloud (N,) with its ground truth `boxes` in the cloud's frame."""
 
 
-def lidar_traits(kind: type[LidarAttack]) -> LidarTraits:
+def lidar_traits(attack_class: type[LidarAttack]) -> LidarTraits:
     """The traits of a class."""
-    found: LidarTraits = vars(kind)["traits"]
+    found: LidarTraits = vars(attack_class)["traits"]
     return found

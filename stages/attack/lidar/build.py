@@ -1,4 +1,4 @@
-"""Attacks on clouds with their parameters."""
+"""Build attacks on clouds from their parameters."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from advpipe.stages.attack.parameters import known_parameters, resolved_paramete
 
 
 def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
-    """The attack, its parameters checked; raises `AdvpipeError` for a bad one."""
-    kind = LIDAR_ATTACKS.find(spec.type)
-    recipe, keywords = resolved_recipe(spec, kind), dict(resolved_parameters(spec, kind))
+    """The attack with checked parameters. Raises AdvpipeError for a bad one."""
+    attack_class = LIDAR_ATTACKS.find(spec.type)
+    recipe, keywords = resolved_recipe(spec, attack_class), dict(resolved_parameters(spec, attack_class))
     if recipe:
-        _refuse_unused(spec, kind, recipe, keywords)
+        _refuse_unused(spec, attack_class, recipe, keywords)
         keywords["recipe"] = recipe
     with plugin_errors(plugin_names([spec.type])):
-        return kind(**keywords)
+        return attack_class(**keywords)
 
 
 def query_budget_of(attack: LidarAttack) -> int | None:
-    """The attack's `query_budget`; raises AdvpipeError where a user's attack gives no count."""
+    """The attack's `query_budget`; raises AdvpipeError if a user's attack gives anything but a count."""
     queries = attack.query_budget
     if queries is not None and not (isinstance(queries, int) and queries >= 1):
         name = type(attack).__name__
@@ -34,13 +34,13 @@ def query_budget_of(attack: LidarAttack) -> int | None:
 
 
 def _refuse_unused(
-    spec: AttackSpec, kind: type[LidarAttack], recipe: str, parameters: Mapping[str, Any]
+    spec: AttackSpec, attack_class: type[LidarAttack], recipe: str, parameters: Mapping[str, Any]
 ) -> None:
-    """Raises AdvpipeError for a parameter that its recipe would pass over in silence."""
-    usual = known_parameters(kind)
-    for name, recipes in lidar_traits(kind).only_for.items():
-        if name in usual and parameters[name] != usual[name] and recipe not in recipes:
+    """Raises AdvpipeError for a parameter that the recipe would silently ignore."""
+    defaults = known_parameters(attack_class)
+    for name, recipes in lidar_traits(attack_class).only_for.items():
+        if name in defaults and parameters[name] != defaults[name] and recipe not in recipes:
             raise UsageError(
-                f"{spec.type}: recipe {recipe} does not look at {name}; leave it out, or take one that does: "
+                f"{spec.type}: recipe {recipe} does not use {name}; leave it out, or take one that does: "
                 f"{', '.join(recipes)}"
             )

@@ -1,4 +1,4 @@
-"""What an attack on a cloud may touch, beyond its budget: options that all LiDAR attacks share."""
+"""Constraints on LiDAR attacks beyond the budget: options that all of them share."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.labels.quantities import POINTS_TOUCHED
 from advpipe.stages.attack.lidar.ghost_object import GhostObject
@@ -24,10 +25,10 @@ Bool = npt.NDArray[np.bool_]
 GOALS = ("break", "hide")
 
 OBJECT_MARGIN_M = 1.0
-"""How far from its objects an attack on chosen ones may reach, where `near_objects_m` does not say."""
+"""The reach of an attack on chosen objects around them, if `near_objects_m` is not given."""
 
 SAME_SURFACE_M = 0.2
-"""What stands less than this behind its neighbours belongs to their surface: it has no order with them."""
+"""A point less than this behind its neighbours belongs to their surface and is not hidden by them."""
 
 _NEIGHBOURS = 4
 _NEIGHBOUR_RAD = math.radians(1.5)
@@ -44,9 +45,9 @@ class Constraints:
     goal: "break" detections (misplaced boxes and false ones count too, as they do in average precision at
         strict overlap: a box of a mean car, 4.5 x 1.8 x 1.6 m, is a miss from 13 cm along all three axes at
         once, 32 cm sideways or 80 cm lengthways on), or "hide" objects: no box that overlaps them loosely is
-        left. Recipes that do not look at what is found cannot tell the two apart.
+        left. Recipes that do not query the detector have no such choice.
     objects: attack these boxes alone: hide them. By id; by place ("0", ...) where the truth has no ids.
-    ghost: instead of hiding what is there, make the detector find this.
+    ghost: instead of hiding objects, make the detector find this ghost object.
     max_points: at most so many points of a cloud are touched.
     intensity: intensities are attacked too; otherwise they stay as measured.
     """
@@ -67,14 +68,14 @@ class Constraints:
         if limit is not None and not (limit >= 1 and float(limit).is_integer()):
             raise UsageError(f"max_points is {limit}, but must be a whole number from 1 up")
         if self.goal not in GOALS:
-            raise UsageError(f"goal is {self.goal!r}; known: {', '.join(GOALS)}")
+            raise UsageError(f"goal is {self.goal!r}; {known_names(self.goal, GOALS)}")
         if self.ghost and (self.objects or self.goal == "hide"):
-            raise UsageError("to hide objects and to make a ghost are two attacks; give one of them")
+            raise UsageError("hiding objects and creating a ghost object are two attacks; give one of them")
 
     @staticmethod
     def of(options: Mapping[str, Any]) -> Constraints:
         """Constraints from plain values, as the command line and files give them: `ghost` and `objects` as
-        text (objects also as a list). Raises AdvpipeError for a name that is none."""
+        text (objects also as a list). Raises AdvpipeError for an unknown name."""
         known = [option.name for option in fields(Constraints)]
         if unknown := [name for name in options if name not in known]:
             raise UsageError(f"unknown constraint {unknown[0]!r}; known: {', '.join(known)}")
@@ -88,19 +89,25 @@ class Constraints:
 
     @staticmethod
     def among(parameters: Mapping[str, Any]) -> Constraints:
-        """The constraints among all parameters of an attack; those that it does not have are free."""
+        """The constraints among all parameters of an attack; missing ones have their defaults."""
         known = {option.name for option in fields(Constraints)}
         return Constraints.of({name: value for name, value in parameters.items() if name in known})
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """What they bound in numbers, as `LidarAttack.bounds` has it."""
+        """The bounds that they imply, as `LidarAttack.bounds` has them."""
         return {} if self.max_points is None else {POINTS_TOUCHED.name: (0, self.max_points)}
 
-    def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
-        """The boxes that the attack is about: all, those of `objects`, or the ghost in the cloud (N, 3).
+    def need_ground_truth(self, is_random: bool) -> bool:
+        """Whether attacks under them touch only what lies at true boxes; is_random: points are chosen
+        randomly, not by the objects."""
+        is_near_boxes = bool(self.objects) or self.near_objects_m is not None
+        return self.ghost is None and (is_near_boxes or not is_random)
 
-        Without any (the objects are not in this frame, the ghost would hang in the air) it returns none.
+    def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
+        """The targeted boxes: all, those of `objects`, or the ghost object in the cloud (N, 3).
+
+        Empty if the objects are not in this frame, or there is no ground for the ghost object.
         """
         if self.ghost:
             return self.ghost.boxes(points)
@@ -109,13 +116,13 @@ class Constraints:
         return boxes[np.array([name in self.objects for name in _names(boxes)], bool)]
 
     def absent(self, boxes: Boxes) -> list[str]:
-        """Those of the chosen objects that are not among these boxes."""
+        """The chosen objects that are not among these boxes."""
         return [name for name in self.objects if name not in _names(boxes)]
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What constraints mean for one clean cloud: points (N, 3) float32, all finite, with its ground truth."""
+    """Constraints applied to one clean cloud: points (N, 3) float32, all finite, with its ground truth."""
 
     constraints: Constraints
     points: Float32
@@ -165,7 +172,7 @@ class Rules:
         """
         range_m = np.linalg.norm(places, axis=1)
         direction = np.asarray(places, np.float64) / np.maximum(range_m, 1e-9)[:, None]
-        tree, clean_range_m = self._sight
+        tree, clean_range_m = self._directions
         if not len(clean_range_m) or not len(places):
             return np.zeros(len(places), bool)
         _, near = tree.query(direction, k=_NEIGHBOURS, distance_upper_bound=_NEIGHBOUR_RAD)
@@ -175,26 +182,26 @@ class Rules:
         return hidden
 
     @cached_property
-    def _sight(self) -> tuple[Any, Float64]:
+    def _directions(self) -> tuple[Any, Float64]:
         points = self.points.astype(np.float64)
         range_m = np.linalg.norm(points, axis=1)
         return cKDTree(points / np.maximum(range_m, 1e-9)[:, None]), range_m
 
     def _near(self, places: npt.NDArray[np.floating[Any]]) -> Bool:
-        """Which places (K, 3) lie near enough to the boxes that the attack is about."""
+        """Which places (K, 3) lie near enough to the targeted boxes."""
         constraints = self.constraints
         margin_m = constraints.near_objects_m
         if margin_m is None and not (constraints.objects or constraints.ghost):
             return np.ones(len(places), bool)
         near = np.zeros(len(places), bool)
-        about = constraints.attacked(self.boxes, self.points).geometry
-        for inside in points_in_boxes(places, about, OBJECT_MARGIN_M if margin_m is None else margin_m):
+        targeted = constraints.attacked(self.boxes, self.points).geometry
+        for inside in points_in_boxes(places, targeted, OBJECT_MARGIN_M if margin_m is None else margin_m):
             near[inside] = True
         return near
 
 
 def _names(boxes: Boxes) -> Sequence[str]:
-    """What boxes are chosen by: their ids, or their places where the truth has none."""
+    """The names by which boxes are chosen: their ids, or their places if the truth has no ids."""
     return boxes.ids if any(boxes.ids) else [str(place) for place in range(len(boxes))]
 
 

@@ -68,15 +68,15 @@ class Detach(LidarAttack):
             parameter="ratio",
             unit="%",
             scale=0.01,
-            usual=0.01,
+            default=0.01,
             steps="rounds",
             published=(
-                PublishedFigure(printed=0.05, map_ratio_percent=99.88, chamfer_distance_m2=0.00023),
-                PublishedFigure(printed=0.1, map_ratio_percent=97.44, chamfer_distance_m2=0.00117),
-                PublishedFigure(printed=0.3, map_ratio_percent=96.71, chamfer_distance_m2=0.00921),
-                PublishedFigure(printed=0.5, map_ratio_percent=95.28, chamfer_distance_m2=0.02177),
-                PublishedFigure(printed=1.0, map_ratio_percent=91.77, chamfer_distance_m2=0.07035),
-                PublishedFigure(printed=1.5, map_ratio_percent=88.75, chamfer_distance_m2=0.13397),
+                PublishedFigure(table_value=0.05, map_ratio_percent=99.88, chamfer_distance_m2=0.00023),
+                PublishedFigure(table_value=0.1, map_ratio_percent=97.44, chamfer_distance_m2=0.00117),
+                PublishedFigure(table_value=0.3, map_ratio_percent=96.71, chamfer_distance_m2=0.00921),
+                PublishedFigure(table_value=0.5, map_ratio_percent=95.28, chamfer_distance_m2=0.02177),
+                PublishedFigure(table_value=1.0, map_ratio_percent=91.77, chamfer_distance_m2=0.07035),
+                PublishedFigure(table_value=1.5, map_ratio_percent=88.75, chamfer_distance_m2=0.13397),
             ),
         ),
         only_for={"rounds": (*QUERYING, "paper"), "goal": QUERYING},
@@ -110,6 +110,10 @@ class Detach(LidarAttack):
     @property
     def query_budget(self) -> int:
         return queries(self.rounds) if self.recipe in QUERYING else 1
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        return self.constraints.need_ground_truth(is_random=self.recipe == "random")
 
     def budget(self, points: int) -> int:
         """How many points of a cloud of this many are removed."""

@@ -97,7 +97,7 @@ def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, bo
 
     By default the attack breaks or hides all objects by raising the loss of the ground truth. It hides chosen
     objects by lowering the loss of a ground truth without them, and creates a ghost object by lowering the
-    loss of a ground truth with it. Raises AdvpipeError for a ghost object outside of the detector's classes
+    loss of a ground truth with it. Raises AdvpipeError for a ghost object outside the detector's classes
     or range.
     """
     everyone, classes = find_targets(detector, cloud, boxes), detector.classes

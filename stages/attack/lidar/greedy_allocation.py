@@ -95,6 +95,7 @@ class ObjectCosts:
             self.values.append(float(value))
 
     def up_to(self, level: int) -> list[int]:
+        """The items that bring the object to a level."""
         return self.items[: self.cost[level]]
 
 

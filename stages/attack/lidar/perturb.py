@@ -81,15 +81,15 @@ class Perturb(LidarAttack):
             title="Perturbation, ε in cm",
             parameter="eps_cm",
             unit="cm",
-            usual=10.0,
+            default=10.0,
             steps="steps",
             published=(
-                PublishedFigure(printed=0.5, map_ratio_percent=99.85, chamfer_distance_m2=0.00010),
-                PublishedFigure(printed=1.0, map_ratio_percent=98.77, chamfer_distance_m2=0.00025),
-                PublishedFigure(printed=3.0, map_ratio_percent=93.28, chamfer_distance_m2=0.00182),
-                PublishedFigure(printed=5.0, map_ratio_percent=89.07, chamfer_distance_m2=0.00466),
-                PublishedFigure(printed=7.0, map_ratio_percent=82.79, chamfer_distance_m2=0.00842),
-                PublishedFigure(printed=10.0, map_ratio_percent=73.20, chamfer_distance_m2=0.01533),
+                PublishedFigure(table_value=0.5, map_ratio_percent=99.85, chamfer_distance_m2=0.00010),
+                PublishedFigure(table_value=1.0, map_ratio_percent=98.77, chamfer_distance_m2=0.00025),
+                PublishedFigure(table_value=3.0, map_ratio_percent=93.28, chamfer_distance_m2=0.00182),
+                PublishedFigure(table_value=5.0, map_ratio_percent=89.07, chamfer_distance_m2=0.00466),
+                PublishedFigure(table_value=7.0, map_ratio_percent=82.79, chamfer_distance_m2=0.00842),
+                PublishedFigure(table_value=10.0, map_ratio_percent=73.20, chamfer_distance_m2=0.01533),
             ),
         ),
         only_for={
@@ -137,6 +137,10 @@ class Perturb(LidarAttack):
     @property
     def query_budget(self) -> int:
         return self.steps if self.recipe in QUERYING else 1
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        return self.constraints.need_ground_truth(is_random=self.recipe == "random")
 
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator

@@ -1,32 +1,31 @@
-"""What a user's own attack may return: anything else is told in a line rather than stored."""
+"""Checks of the results of attacks, which a user may have written: an invalid one is refused in one line."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED, PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
 from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
-from advpipe.stages.attack.lidar.base import LidarResult
+from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 
 _DTYPE_KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
 """The arrays of `PointLabels`, by the kinds of their numbers as numpy calls them."""
 
 
 def refuse_invalid(attack: str, clean: Cloud, result: Any) -> None:
-    """Raises AdvpipeError where what an attack returned is no result, or its labels do not tell it."""
+    """Raises AdvpipeError for an invalid result, and for labels that do not match the change."""
     if not isinstance(result, LidarResult):
-        raise AdvpipeError(f"{attack} returned {type(result).__name__}, no LidarResult")
+        raise AdvpipeError(f"{attack} returned {type(result).__name__}, not a LidarResult")
     cloud = result.cloud
     if not isinstance(cloud, np.ndarray) or cloud.dtype != POINT_DTYPE or cloud.ndim != 1:
         fields = ", ".join(POINT_DTYPE.names or ())
         raise AdvpipeError(
-            f"{attack} returned {_description(cloud)} as its cloud, no points (N,) of {fields}"
+            f"{attack} returned {_description(cloud)} as its cloud, not points (N,) of {fields}"
         )
     _refuse_labels(attack, result.labels, len(clean))
     actions = result.labels.action
@@ -38,42 +37,40 @@ def refuse_invalid(attack: str, clean: Cloud, result: Any) -> None:
         )
     if _has_unlabelled_changes(clean, cloud, result.labels):
         raise AdvpipeError(
-            f"{attack} changed points that its labels do not tell of; the points that it keeps stay in their "
+            f"{attack} changed points without labels; the points that it keeps stay in their "
             "order, and those that it adds follow"
         )
     for name in ("loss_before", "loss_after"):
         if not isinstance(getattr(result, name), int | float | np.number):
-            raise AdvpipeError(f"{attack} returned {getattr(result, name)!r} as its {name}, no number")
+            raise AdvpipeError(f"{attack} returned {getattr(result, name)!r} as its {name}, not a number")
     if not isinstance(result.note, str):
-        raise AdvpipeError(f"{attack} returned {result.note!r} as its note, no text")
+        raise AdvpipeError(f"{attack} returned {result.note!r} as its note, not text")
 
 
-def refuse_out_of_bounds(
-    attack: str, bounds: Mapping[str, tuple[float, float]], clean: Cloud, result: LidarResult
-) -> None:
+def refuse_out_of_bounds(name: str, attack: LidarAttack, clean: Cloud, result: LidarResult) -> None:
     """Raises AdvpipeError where an attack went beyond the bounds that it declares."""
     if len(result.labels):
         change = CloudChange(clean, result.cloud, result.labels)
-        for excess in excesses(change, bounds, CLOUD_QUANTITIES):
-            raise AdvpipeError(f"{attack} went beyond its bounds: {excess}")
+        for excess in excesses(change, attack.bounds, attack.measurable()):
+            raise AdvpipeError(f"{name} went beyond its bounds: {excess}")
 
 
 def _has_unlabelled_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
-    """Whether a point is neither what it was nor labelled; bytes are compared, so a NaN is itself."""
-    kept, told = np.ones(len(clean), bool), np.zeros(len(clean), bool)
+    """Whether a point differs and has no label; bytes are compared, so that NaN equals itself."""
+    kept, labelled = np.ones(len(clean), bool), np.zeros(len(clean), bool)
     kept[labels.point[labels.action == REMOVED]] = False
-    told[labels.point[labels.action == MOVED]] = True
+    labelled[labels.point[labels.action == MOVED]] = True
     before, after = (
         np.ascontiguousarray(points).view(np.uint8).reshape(-1, POINT_DTYPE.itemsize)
         for points in (clean[kept], cloud[: kept.sum()])
     )
-    return bool(((before != after).any(axis=1) & ~told[kept]).any())
+    return bool(((before != after).any(axis=1) & ~labelled[kept]).any())
 
 
 def _refuse_labels(attack: str, labels: Any, points: int) -> None:
-    """Raises AdvpipeError for what are no labels of a clean cloud of so many points."""
+    """Raises AdvpipeError for invalid labels of a clean cloud of so many points."""
     if not isinstance(labels, PointLabels):
-        raise AdvpipeError(f"{attack} returned {_description(labels)} as its labels, no PointLabels")
+        raise AdvpipeError(f"{attack} returned {_description(labels)} as its labels, not PointLabels")
     for name, kinds in _DTYPE_KINDS.items():
         array = getattr(labels, name)
         if not isinstance(array, np.ndarray) or array.ndim != 1 or array.dtype.kind not in kinds:
@@ -94,7 +91,7 @@ def _refuse_labels(attack: str, labels: Any, points: int) -> None:
 
 
 def _description(value: Any) -> str:
-    """What a value is, in short: its type, and of an array the shape and the type of its numbers."""
+    """A value in short: its type, and of an array shape and dtype."""
     if isinstance(value, np.ndarray):
         return f"an array {value.shape} of {value.dtype}"
     return type(value).__name__

@@ -25,7 +25,10 @@ class AttackTargets:
 
 
 def find_targets(detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackTargets:
-    """Boxes of the detector's classes and range that hold at least `MIN_POINTS` points of the cloud."""
+    """The M of the true boxes that the detector could find in a cloud (N,).
+
+    These are of its classes, in its range, and hold at least `MIN_POINTS` points of the cloud.
+    """
     label_of = np.array([detector.classes.index(c) if c in detector.classes else -1 for c in CLASSES])
     labels = label_of[boxes.labels]
     wanted = (
@@ -40,7 +43,7 @@ def find_targets(detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Attack
 
 
 def detection_loss(detector: ObjectDetector, cloud: Cloud, targets: AttackTargets) -> float:
-    """The detector's loss on the finite points of a cloud; NaN without targets."""
+    """The detector's loss on the finite points of a cloud (N,), without a unit; NaN without targets."""
     if not len(targets):
         return float("nan")
     points = xyzi(cloud)

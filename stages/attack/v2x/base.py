@@ -12,21 +12,22 @@ them; it returns all that are to be sent instead:
 ...         return [self._zero(one) if self.context.acts(one) else one for one in sent]
 
 - *Change* a message: `replace(one, payload=...)`; open CAMs with `context.cams.open(payload)` (None: corrupt,
-  hand it on as it is), make them say other things with `with_fields(tree, speed_mps=0.0)` of `cams.py`, and
+  hand it on as it is), falsify them with `with_fields(tree, speed_mps=0.0)` of `cams.py`, and
   close them with `context.cams.close(tree)`. Trees are shared: never change one in place.
 - *Drop* one: leave it out. *Delay* one: leave it out, and return it in a later step under its own number with
   `replace(one, request_ns=...)`.
-- *Add* one: `context.message(sender, request_ns, payload)`. Ghosts' station ids: `context.pseudonym(...)`.
+- *Add* one: `context.message(sender, request_ns, payload)`. Ghost vehicles get their station ids from
+  `context.pseudonym(...)`.
 - `request_ns` lies in `step.begin_ns <= request_ns < step.end_ns`, and the sender's radio (`Sent.station_id`,
   whatever the payload claims) has to be on the road, that is in `step.radios`. The order does not matter.
 - The truth about every station with a radio is in `step.radios`: see `context.radio(step, station_id)`.
-- Chance comes from `context.rng("use", station_id, ...)` only.
+- Random draws come from `context.rng("use", station_id, ...)` only.
 
-Labels are none of an attack's business: the engine compares what goes in with what comes out, by number.
-A message in another form is "changed", one that is missing "dropped" (or "delayed", if it comes later), a new
-one "added"; attacker is the one whose radio sends it. True values are those of the recorded message;
-whether the lie mattered is judged from both (`pipeline/v2x/facilities/effect.py`), unless all of the attack's
-do (`V2xTraits.every_message_matters`).
+An attack does not write labels: the engine compares its input with its output, by message number. A message
+with another payload is "changed", a missing one "dropped" (or "delayed", if it comes later), a new one
+"added"; the attacker is the station whose radio sends it. True values are those of the recorded message;
+whether false ones have an effect follows from both (`pipeline/v2x/facilities/effect.py`), unless all of the
+attack's messages do (`V2xTraits.every_message_matters`).
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ from advpipe.stages.attack.v2x.cams import CamEditor
 
 
 class MessageEditor(Protocol):
-    """Whoever changes what is sent. name: what labels call it, such as `gnss-bias`."""
+    """Changes the messages that are sent. name: its name in the labels, such as `gnss-bias`."""
 
     @property
     def name(self) -> str: ...
@@ -70,7 +71,7 @@ class MessageEditor(Protocol):
 
 @dataclass
 class AllocatedIds:
-    """What all attacks on one drive share: numbers of new messages, and station ids that are taken."""
+    """The numbers of new messages and the station ids in use, shared by all attacks on one drive."""
 
     next_message: int
     station_ids: set[int]
@@ -78,11 +79,11 @@ class AllocatedIds:
 
 @dataclass(frozen=True, kw_only=True)
 class AttackContext:
-    """All that an attack is told of the drive it strikes.
+    """What an attack knows about the drive.
 
-    name: the attack's, in labels and for chance; seed_name tells several of one name apart. attackers:
-    station ids of their radios, ascending. victim: a station id; None where nobody is aimed at. active:
-    whether the schedule lets the attack act at a time in nanoseconds. start_ns: when the bag begins.
+    name: the attack's name in labels and random generators; seed_name distinguishes several attacks of one
+    name. attackers: station ids of the attackers' radios, ascending. victim: a station id; None without a
+    target. active: whether the schedule includes a time in nanoseconds. start_ns: when the bag begins.
     """
 
     name: str
@@ -100,15 +101,15 @@ class AttackContext:
 
     @cached_property
     def attacking(self) -> frozenset[int]:
-        """The attackers again, to look one up."""
+        """The attackers as a set."""
         return frozenset(self.attackers)
 
     def acts(self, sent: Sent) -> bool:
-        """Whether an attacker's radio sends this message at a time at which the attack acts."""
+        """Whether an attacker's radio sends this message while the attack is active."""
         return sent.station_id in self.attacking and self.active(sent.request_ns)
 
     def rng(self, *names: str | int) -> np.random.Generator:
-        """A generator of its own for each use, under the attack's name."""
+        """A separate random generator for each use, under the attack's name."""
         return named_generator(self.seed, "attack", self.name, self.seed_name, *names)
 
     def radio(self, step: V2xStep, station_id: int) -> RadioPlace | None:
@@ -128,7 +129,7 @@ class AttackContext:
         return Sent(number, key, sender, request_ns, payload, power)
 
     def pseudonym(self, *names: str | int) -> int:
-        """A station id that no station has and none was given before; 31 bits, as stations choose theirs."""
+        """A new station id, which no station has; 31 bits, as stations choose theirs."""
         rng = self.rng("pseudonym", *names)
         while (station_id := int(rng.integers(1, 2**31))) in self.numbers.station_ids:
             pass
@@ -138,16 +139,16 @@ class AttackContext:
 
 @dataclass(frozen=True, kw_only=True)
 class V2xTraits(Traits):
-    """What is known of an attack on messages whatever its parameters.
+    """Properties of an attack on messages that do not depend on its parameters.
 
-    untrue: what it makes untrue in its attackers' own messages, at most (see `V2xAttack.untrue`); two that
-    share any of it cannot act on the same messages at the same time, and `verify` finds a message changed in
-    anything else. One that only adds, delays or drops messages makes nothing untrue.
-    every_message_matters: whatever they say, all that its attackers send by it are lies: of stations that do
-    not exist, or are others, or one too many; else each is judged by what it says
-    (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes what its attackers send anyway, so that a
-    roadside unit, which sends nothing of its own, cannot be one. published: see there; its F1 is that of an
-    attack with the parameters `published_of`.
+    untrue: the claims that it may falsify in its attackers' messages (see `V2xAttack.untrue`); two attacks
+    that share one cannot act on the same messages at the same time, and `verify` reports a message that was
+    changed in any other claim. An attack that only adds, delays or drops messages falsifies none.
+    every_message_matters: all messages that attackers send by it are false whatever they claim: the station
+    does not exist, or is another, or the message is redundant; otherwise each is judged by its claims
+    (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes messages that its attackers send anyway,
+    so that a roadside unit, which sends none, cannot be an attacker. published: see `Published`; its F1 is
+    that of an attack with the parameters `published_of`.
     """
 
     untrue: tuple[Claim, ...] = ()
@@ -158,17 +159,17 @@ class V2xTraits(Traits):
 
     def __post_init__(self) -> None:
         if strange := [claim for claim in self.untrue if claim not in ALL_CLAIMS]:
-            raise UsageError(f"a CAM claims no {short_repr(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
+            raise UsageError(f"a CAM has no claim {short_repr(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
 
     def published_with(self, parameters: Mapping[str, Any]) -> Published:
-        """What is published of the attack with these parameters."""
+        """The published figures of the attack with these parameters."""
         if all(parameters.get(name) == value for name, value in self.published_of.items()):
             return self.published
         return self.published.model_copy(update={"catch_f1": None})
 
 
 class V2xAttack(Attack):
-    """An attack on messages; see above for its rules."""
+    """An attack on messages; the module's docstring has the rules."""
 
     family = "v2x"
     own_keys = ("attackers", "dcc_reacts")
@@ -184,28 +185,29 @@ class V2xAttack(Attack):
 
     @property
     def name(self) -> str:
+        """The attack's name in the request."""
         return self.context.name
 
     @classmethod
     def parts(cls, name: str, parameters: Mapping[str, Any]) -> tuple[DeclaredPart, ...]:
-        """The attacks that attackers of a mix of this name draw from, by `acting.drawn_parts`; none of
-        others. Raises AdvpipeError for what is no attack to mix."""
+        """The attacks that the attackers of a mix draw from, by `acting.drawn_parts`; empty for any other
+        attack. Raises AdvpipeError for one that cannot be mixed."""
         return ()
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
-        """Least and most of each quantity that the attack bounds, with all its parameters, in every message
-        that it changes, delays or adds; by names of `advpipe.pipeline.labels.message_quantities`. A message
-        beyond them is refused, and `verify` measures them again. Nothing where it bounds none."""
+        """Minimum and maximum of each quantity that the attack bounds, with all its parameters, in every
+        message that it changes, delays or adds; by names of `advpipe.pipeline.labels.message_quantities`. A
+        message beyond them is refused, and `verify` measures them again. Empty if it bounds none."""
         return {}
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
-        """What of its traits' `untrue` it makes untrue with all its parameters: all, if not overridden."""
+        """The claims that it falsifies with all its parameters; by default all of its traits' `untrue`."""
         return v2x_traits(cls).untrue
 
     def part(self, attacker: int) -> V2xAttack:
-        """The attack that this attacker carries out: itself, but for a mix of attacks."""
+        """The attack that this attacker carries out: this one, except in a mix of attacks."""
         return self
 
     @abstractmethod
@@ -213,7 +215,7 @@ class V2xAttack(Attack):
         """The messages of this step that are to be sent instead of `sent`."""
 
 
-def v2x_traits(kind: type[V2xAttack]) -> V2xTraits:
+def v2x_traits(attack_class: type[V2xAttack]) -> V2xTraits:
     """The traits of a class."""
-    found: V2xTraits = vars(kind)["traits"]
+    found: V2xTraits = vars(attack_class)["traits"]
     return found

@@ -27,6 +27,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.stages.attack.debug import DebugMessages, claims_message
 from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
@@ -44,11 +45,13 @@ def forge(
     editors: Sequence[MessageEditor] = (),
     *,
     dcc_reacts: bool = False,
+    debug: DebugMessages | None = None,
 ) -> V2xChange:
     """The V2X of a recorded drive after these editors, and then these attacks, changed the sent messages.
 
     dcc_reacts: whether the benign stations' congestion control reacts to the channel load of the attacks
-    (see `Congestion`); otherwise they send what they sent in the recording.
+    (see `Congestion`); otherwise they send what they sent in the recording. debug: takes the claimed
+    positions of the messages that are touched.
 
     Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, invalid
     parameters, a schedule outside the recording, and `dcc_reacts` without congestion control.
@@ -92,7 +95,7 @@ def forge(
     labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
     attackers = frozenset(number for attack in built for number in attack.context.attackers)
     congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None
-    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion)
+    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion, debug)
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
@@ -124,9 +127,10 @@ class V2xChange:
         editors: Sequence[MessageEditor],
         labels: Labels,
         congestion: Congestion | None,
+        debug: DebugMessages | None = None,
     ) -> None:
         self._drive, self._units, self._editors = drive, tuple(selection.units), editors
-        self._labels, self._congestion = labels, congestion
+        self._labels, self._congestion, self._debug = labels, congestion, debug
         self._cams = labels.cams
         own = {number: VehicleTopics(name) for number, name in drive.listeners.items()}
         self._own = own
@@ -222,6 +226,8 @@ class V2xChange:
 
     def _send(self, channel: Channel, step: V2xStep) -> Iterator[StampedCdr]:
         sent = self.edited(step) if step.end_ns is not None else []
+        if sent and self._debug is not None and (claims := claims_message(self._labels.claims())):
+            self._debug.add(*claims)
         result = self._drive.send(channel, step, sent)
         if self._congestion:
             self._congestion.observe(result.loads)

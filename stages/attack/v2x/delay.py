@@ -16,7 +16,7 @@ from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import checked_integer, checked_number, checked_range
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import field_of, with_fields
-from advpipe.stages.attack.v2x.overheard_messages import is_time_untrue, with_later_time
+from advpipe.stages.attack.v2x.overheard_messages import with_later_time, without_true_time
 
 
 class Delay(V2xAttack):
@@ -102,11 +102,7 @@ class Stale(V2xAttack):
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
-        return tuple(
-            claim
-            for claim in super().untrue(parameters)
-            if claim != "generation time" or is_time_untrue(parameters)
-        )
+        return without_true_time(super().untrue(parameters), parameters)
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         in_order = sorted(sent, key=lambda message: (message.request_ns, message.number))

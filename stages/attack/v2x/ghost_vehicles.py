@@ -43,7 +43,7 @@ class GhostMotion(NamedTuple):
 
 
 @dataclass
-class _Station:
+class _GhostStation:
     id: int
     generator: CamGenerator
     next_check_ns: int
@@ -68,7 +68,7 @@ class GhostVehicles:
         self._ahead_ns = round(checked_number(context.name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._rules = GenerationRules.of(context.v2x.cam)
         self._dcc_gate = DccGate(context.v2x, context.attackers) if dcc else None
-        self._stations: dict[Key, _Station] = {}
+        self._stations: dict[Key, _GhostStation] = {}
 
     def messages(self, step: V2xStep, sender: int, motions: Mapping[Key, GhostMotion]) -> list[Sent]:
         """The messages of these ghost vehicles that an attacker's radio sends in this step while active.
@@ -101,11 +101,13 @@ class GhostVehicles:
         if self._dcc_gate is not None:
             self._dcc_gate.observe(step, sent)
 
-    def _station(self, step: V2xStep, key: Key) -> _Station:
+    def _station(self, step: V2xStep, key: Key) -> _GhostStation:
         if key not in self._stations:
             station_id = self._context.pseudonym("phantom", *key)
             first_ns = first_check_ns(step.begin_ns, self._context.seed, station_id)
-            self._stations[key] = _Station(station_id, CamGenerator(step.begin_ns, self._rules), first_ns)
+            self._stations[key] = _GhostStation(
+                station_id, CamGenerator(step.begin_ns, self._rules), first_ns
+            )
         return self._stations[key]
 
     def _state(

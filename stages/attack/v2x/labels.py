@@ -23,6 +23,7 @@ from advpipe.pipeline.labels.messages import (
     MESSAGE_COLUMNS,
 )
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.messages.debug import FALSE, TRUE, ClaimedPosition
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import has_effect
@@ -31,6 +32,7 @@ from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
 
 _BLOCK = 1000
+_SHOWN_HEIGHT_M = 1.0
 
 
 class _Row(NamedTuple):
@@ -70,6 +72,7 @@ class Labels:
     ) -> None:
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
+        self._step_rows: list[_Row] = []
         self._tables: list[Any] = []
         self._held_back: dict[tuple[int, int], Sent] = {}
         self._editors: list[MessageEditor] = []
@@ -85,7 +88,7 @@ class Labels:
         for station_id, messages in self._by_station.items():
             self._newest[station_id] = messages[-1].payload
         self._step = {message.number: message for message in recorded}
-        self._by_station = {}
+        self._by_station, self._step_rows = {}, []
         for message in recorded:
             self._by_station.setdefault(message.station_id, []).append(message)
 
@@ -114,6 +117,27 @@ class Labels:
         if len(self._rows) >= _BLOCK:
             self._close_block()
 
+    def claims(self) -> list[tuple[int, ClaimedPosition]]:
+        """The positions that the step's touched messages claim, and the true ones, each with the time when it
+        is sent. CAMs give no height above the road; the markers have one of 1 m."""
+        rows = self._step_rows
+        true_m, false_m = (
+            places_m(self._geodesy, [row.true for row in rows]),
+            places_m(self._geodesy, [row.false for row in rows]),
+        )
+        found = []
+        for row, *positions_m in zip(rows, true_m.T, false_m.T, strict=True):
+            known_m = {
+                role: np.append(position_m, _SHOWN_HEIGHT_M)
+                for role, position_m in zip((TRUE, FALSE), positions_m, strict=True)
+                if np.isfinite(position_m).all()
+            }
+            stated = row.false or row.true
+            if known_m and stated is not None:
+                claim = ClaimedPosition(int(stated["station_id"]), row.part or row.attack, known_m)
+                found.append((row.message.request_ns, claim))
+        return found
+
     def write(self, folder: Path) -> None:
         """Write the file, in order of time; messages that are still held back were dropped."""
         import pyarrow as pa
@@ -124,6 +148,7 @@ class Labels:
             if len(self._rows) >= _BLOCK:
                 self._close_block()
                 self.cams.forget()
+                self._step_rows.clear()
         self._held_back.clear()
         self._close_block()
         table = pa.concat_tables(self._tables)
@@ -185,6 +210,7 @@ class Labels:
                 editor_index, row.attack, row.part, message, old, (row.before, row.false)
             )
         self._rows.append(row)
+        self._step_rows.append(row)
         self.counts[action] += 1
         self.counts["made invalid"] += is_sent and row.before is not None and row.false is None
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
@@ -136,7 +137,5 @@ def _named(mix: str, name: str) -> Iterator[Mixed]:
     elif name in V2X_ATTACKS and not issubclass(V2X_ATTACKS[name], Mix):
         yield Mixed(name, {})
     else:
-        known = ", ".join(
-            one for one, attack_class in V2X_ATTACKS.items() if not issubclass(attack_class, Mix)
-        )
-        raise UsageError(f"{mix}: {name!r} cannot be mixed; known: {', '.join(MIXES)}, {known}")
+        attacks = (one for one, attack_class in V2X_ATTACKS.items() if not issubclass(attack_class, Mix))
+        raise UsageError(f"{mix}: {name!r} cannot be mixed; {known_names(name, (*MIXES, *attacks))}")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.labels.claims import Claim
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
@@ -78,10 +79,11 @@ def with_later_time(tree: CamTree, by_ns: int) -> CamTree:
     return with_fields(tree, generation_delta_time_ms=delta_ms % GENERATION_DELTA_TIME_CYCLE_MS)
 
 
-def is_time_untrue(parameters: Mapping[str, Any]) -> bool:
-    """Whether an attack with these parameters changes the generation time of messages: by `ahead_s`, or
-    without `restamp`."""
-    return bool(parameters["ahead_s"]) or not parameters.get("restamp", True)
+def without_true_time(claims: Iterable[Claim], parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
+    """The claims without the generation time, unless these parameters change it: by `ahead_s`, or without
+    `restamp`."""
+    is_time_untrue = bool(parameters["ahead_s"]) or not parameters.get("restamp", True)
+    return tuple(claim for claim in claims if claim != "generation time" or is_time_untrue)
 
 
 def _time(message: Sent) -> int:

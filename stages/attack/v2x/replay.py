@@ -19,8 +19,8 @@ from advpipe.stages.attack.v2x.cams import field_of, with_fields
 from advpipe.stages.attack.v2x.overheard_messages import (
     RECEPTION_RANGE_M,
     OverheardMessages,
-    is_time_untrue,
     with_later_time,
+    without_true_time,
 )
 
 IDENTITIES = ("own", "theirs")
@@ -55,11 +55,7 @@ class _Replay(V2xAttack):
 
     @classmethod
     def untrue(cls, parameters: Mapping[str, Any]) -> tuple[Claim, ...]:
-        return tuple(
-            claim
-            for claim in super().untrue(parameters)
-            if claim != "generation time" or is_time_untrue(parameters)
-        )
+        return without_true_time(super().untrue(parameters), parameters)
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         """Replays messages that were overheard in earlier steps."""

@@ -153,7 +153,6 @@ def cooperative_rows(
     greatest, most_displaced = -1.0, None
     count = len(range(chosen.start, chosen.stop or 0, chosen.step))
     for frame in track(shared_frames(reader, pair, chosen), "cooperative perception", count):
-        cached.forget()
         stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
         together = fuse_clouds(frame.own.cloud, frame.other, own_SE3_other)
         truth = ground_truth(frame.own, cached.classes, cached.range_m).counted_on(together)

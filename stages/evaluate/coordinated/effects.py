@@ -27,6 +27,7 @@ class Series:
     values: Float64
 
     def within(self, window: Window) -> Series:
+        """The values whose times are in a window."""
         inside = window.holds(self.times_ns)
         return Series(self.times_ns[inside], self.values[inside])
 

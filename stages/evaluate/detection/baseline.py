@@ -1,4 +1,4 @@
-"""Random baselines of an attacked cloud: the same budget spent randomly, and the best of several tries."""
+"""Random baselines of an attacked cloud: the same budget spent randomly, and the best of several draws."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ DEFAULT_QUERY_BUDGET = 24
 
 
 BEST = "_best"
-"""The suffix of the names of baselines that are the best of several tries."""
+"""The suffix of the names of baselines that are the best of several draws."""
 
 
 def baseline_title(name: str) -> str:
@@ -77,15 +77,15 @@ def random_baselines(
     budget: SpentBudget,
     worth: Callable[[Cloud], Float64],
     *,
-    tries: int,
+    n_draws: int,
     seed: int,
     index: int,
 ) -> Iterator[tuple[str, Cloud]]:
-    """The clouds of every baseline of frame `index`, by name; with more than one try, also the best ones.
+    """The clouds of every baseline of frame `index`, by name; with more than one draw, also the best of them.
 
     boxes: (M, 7) of the objects to hide. worth: of each object (M,) in a cloud, what the detector sees of
-    it; the best try is chosen for each object by the detector's own result, as attacks do, and put together;
-    unless one try as a whole is better.
+    it; the best draw is chosen for each object by the detector's own result, as attacks do, and put together;
+    unless one draw as a whole is better.
     """
     for name, baseline in BASELINES.items():
         spent = baseline.budget(budget, clean)
@@ -96,16 +96,16 @@ def random_baselines(
         random = RandomChange(clean, boxes, spent, pool, rng)
         first = random.draw()
         yield name, random.apply(first)
-        if tries > 1:
-            yield name + BEST, _best(random, [first, *(random.draw() for _ in range(tries - 1))], worth)
+        if n_draws > 1:
+            yield name + BEST, _best(random, [first, *(random.draw() for _ in range(n_draws - 1))], worth)
 
 
-def _best(random: RandomChange, tries: list[DrawnChange], worth: Callable[[Cloud], Float64]) -> Cloud:
-    worths = np.stack([worth(random.apply(each)) for each in tries])  # (tries, M)
+def _best(random: RandomChange, draws: list[DrawnChange], worth: Callable[[Cloud], Float64]) -> Cloud:
+    worths = np.stack([worth(random.apply(each)) for each in draws])  # (draws, M)
     if not worths.size:
-        return random.apply(tries[0])
-    together = random.apply(random.together(tries, np.argmin(worths, axis=0)))
+        return random.apply(draws[0])
+    together = random.apply(random.together(draws, np.argmin(worths, axis=0)))
     alone = int(np.argmin(worths.sum(axis=1)))
     if worths[alone].sum() < worth(together).sum():
-        return random.apply(tries[alone])
+        return random.apply(draws[alone])
     return together

@@ -77,8 +77,9 @@ def under(condition: str, defence: str) -> str:
 class Comparison:
     """The frames of one adversarial bag, or of the clean bag alone, as one detector sees them.
 
-    detector: its name in reports. baseline_tries: of how many random tries the best is among the baselines; 0
-    without baselines. defences: their names; the clouds were also scored under each.
+    detector: its name in reports. classes: those that it finds. baseline_tries: of how many random tries the
+    best is among the baselines; 0 without baselines. defences: their names; the clouds were also scored under
+    each.
     """
 
     bag: Path | None
@@ -86,11 +87,13 @@ class Comparison:
     frames: tuple[FrameResult, ...]
     detector: str = ""
     detector_sha256: str = ""
+    classes: tuple[str, ...] = ()
     defences: tuple[str, ...] = ()
     baseline_tries: int = 0
 
     @property
     def name(self) -> str:
+        """The name of the adversarial bag; `clean` without one."""
         return bag_name(self.bag) if self.bag else "clean"
 
     @property

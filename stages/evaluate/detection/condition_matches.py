@@ -1,4 +1,4 @@
-"""The average precision under one condition: the clean, the adversarial or a baseline's clouds."""
+"""Average precision under one condition: on the clean clouds, the adversarial ones or a baseline's."""
 
 from __future__ import annotations
 

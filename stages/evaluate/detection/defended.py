@@ -1,4 +1,4 @@
-"""What a defence is worth: average precision on clean and attacked clouds under it."""
+"""How much a defence restores: average precision on clean and attacked clouds under it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from advpipe.stages.evaluate.detection.scored import Scored
 
 
 def defence_records(scored: Scored, result: ResultRow) -> Iterator[DefenceRecord]:
-    """One record a defence: clean and attacked under it, their ratio, and what it costs on clean clouds."""
+    """A record for each defence: mAP on clean and attacked clouds under it, and its cost on clean ones."""
     clean, attack = scored.by_condition["clean"], result.attack
     for defence in scored.comparison.defences:
         before = scored.matches_under(under("clean", defence))

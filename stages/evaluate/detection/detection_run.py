@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import map_jobs
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
-from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
@@ -34,7 +33,15 @@ from advpipe.stages.evaluate.detection.displacement import Displacement, finite_
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import pair_frames
 from advpipe.stages.evaluate.detection.random_change import SpentBudget
-from advpipe.stages.evaluate.detection.scoring import CachedDetector, Truth, ground_truth, match, worth
+from advpipe.stages.evaluate.detection.scoring import (
+    CachedDetector,
+    Truth,
+    ground_truth,
+    known_classes,
+    match,
+    worth,
+)
+from advpipe.stages.evaluate.options import Options
 
 RANDOM_RECIPES = ("random", "random-near", "random-best")
 """A bag of this recipe is a random baseline itself and is given none."""
@@ -42,161 +49,160 @@ RANDOM_RECIPES = ("random", "random-near", "random-best")
 
 @dataclass(frozen=True)
 class DetectionRun:
-    """What is evaluated: a clean bag and adversarial versions of it, with the provenance of each.
+    """A detector on the clouds of a clean bag and of adversarial versions of it, with the provenance of each.
 
-    baseline: whether random changes of the same budget are evaluated too, drawn from `seed`; and of how many
-    tries the best, None for the query budget of the attack itself. defences: as `parse_defences` reads
-    them; the clean and the adversarial clouds are evaluated under each. frames: of the clean bag; those of
-    the adversarial bags are scored that are among them.
-    device: where the detector computes; several processes may share a GPU, each with a context of its own.
+    Of the options it follows those on frames, LiDAR, baselines, defences, seed and device; several processes
+    may share a GPU, each with a context of its own.
     """
 
     detector: str
     clean: Path
-    adversarial: tuple[Path, ...] = ()
-    provenances: tuple[Provenance, ...] = ()
-    lidar_topic: str | None = None
-    seed: int = 0
-    baseline: bool = True
-    baseline_tries: int | None = 1
-    defences: tuple[str, ...] = ()
-    frames: FrameSlice = ALL_FRAMES
-    device: str = CPU
+    adversarial: Mapping[Path, Provenance] = field(default_factory=dict)
+    options: Options = field(default_factory=Options)
 
     def comparisons(self, workers: int | None = None) -> list[Comparison]:
         """Each adversarial bag beside the clean one, or the clean bag alone where there is none.
 
-        Frame by frame nothing depends on another frame, nor on the number of worker processes.
+        Frame by frame nothing depends on another frame, nor on the number of worker processes. Raises
+        UsageError for an adversarial bag that holds none of the chosen frames.
         """
-        frames = self._chosen.indices(count_frames(self.clean, self.lidar_topic))
+        frames = self._frames_to_read.indices(count_frames(self.clean, self.options.lidar_topic))
         results_of_frames = map_jobs(self.prepare, frames, "detecting", workers)
-        bags: list[tuple[Path | None, Provenance]] = [(None, Provenance({}))]
-        if self.adversarial:
-            bags = list(zip(self.adversarial, self.provenances, strict=True))
-        name, sha256 = Path(self.detector).name, detector_sha256(self.detector)
-        defences = tuple(parse_defences(self.defences))
-        comparisons = [
-            Comparison(
+        bags: list[tuple[Path | None, Provenance]] = [*self.adversarial.items()] or [(None, Provenance({}))]
+        results_of_bags = zip(*results_of_frames, strict=True)
+        detector = load_detector(self.detector, self.options.device)
+        comparisons = []
+        for (bag, provenance), results in zip(bags, results_of_bags, strict=True):
+            comparison = Comparison(
                 bag,
-                about,
+                provenance,
                 tuple(frame for frame in results if frame),
-                name,
-                sha256,
-                defences,
-                self._tries(about),
+                detector=Path(self.detector).name,
+                detector_sha256=detector_sha256(self.detector),
+                classes=known_classes(detector),
+                defences=tuple(parse_defences(self.options.defences)),
+                baseline_tries=self._baseline_tries(provenance),
             )
-            for (bag, about), results in zip(bags, zip(*results_of_frames, strict=True), strict=True)
-        ]
-        for each in comparisons:
-            if not each.frames:
-                raise UsageError(f"{each.bag} holds none of the frames {self.frames}; choose others")
+            if not comparison.frames:
+                raise UsageError(f"{bag} holds none of the frames {self.options.frames}; choose others")
+            comparisons.append(comparison)
         return comparisons
 
-    def _tries(self, about: Provenance) -> int:
+    def _baseline_tries(self, provenance: Provenance) -> int:
         """Of how many random tries the best is scored beside an attack; 0 without baselines."""
-        if not self.baseline or about.get("recipe") in RANDOM_RECIPES:
+        if not self.options.baseline or provenance.get("recipe") in RANDOM_RECIPES:
             return 0
-        return attack_query_budget(about) if self.baseline_tries is None else self.baseline_tries
+        if self.options.baseline_tries is None:
+            return attack_query_budget(provenance)
+        return self.options.baseline_tries
 
     @property
-    def _chosen(self) -> FrameSlice:
-        """Frames of the clean bag that hold those of all adversarial bags, where none were chosen.
+    def _frames_to_read(self) -> FrameSlice:
+        """The chosen frames of the clean bag; where none were chosen, those that all attacks were made of.
 
-        Only a short cut: what all of them name is that choice, and all frames are right in any case.
+        The latter only saves time: frames that no adversarial bag holds are not scored in any case.
         """
-        if self.frames != ALL_FRAMES:
-            return self.frames
-        named = {about.get("frames") for about in self.provenances}
-        return FrameSlice.parse(name) if len(named) == 1 and (name := named.pop()) else ALL_FRAMES
+        if self.options.frames != ALL_FRAMES:
+            return self.options.frames
+        attacked = {provenance.get("frames") for provenance in self.adversarial.values()}
+        return FrameSlice.parse(name) if len(attacked) == 1 and (name := attacked.pop()) else ALL_FRAMES
 
     def prepare(self) -> Callable[[int], list[FrameResult | None]]:
-        """What one process does: a frame, named by its index in the clean bag, in every adversarial bag.
+        """What one process does: score a frame, by its index in the clean bag, of every adversarial bag.
 
         The indices must rise: the bags are read once, from front to back.
         """
-        cached = CachedDetector(load_detector(self.detector, self.device))
-        reader = BagReader(self.clean)
-        occlusion = Occlusion(reader, find_lidar_topic(reader, self.lidar_topic))
-        is_part = self.frames != ALL_FRAMES
-        pairs = pair_frames(self.clean, self.adversarial, self._chosen, self.lidar_topic, is_part=is_part)
-        last = self._chosen.indices(count_frames(self.clean, self.lidar_topic))[-1]
+        detector = CachedDetector(load_detector(self.detector, self.options.device))
+        reader, lidar_topic = BagReader(self.clean), self.options.lidar_topic
+        occlusion = Occlusion(reader, find_lidar_topic(reader, lidar_topic))
+        frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
+        pairs = pair_frames(self.clean, tuple(self.adversarial), frames, lidar_topic, is_part=is_part)
+        last = frames.indices(count_frames(self.clean, lidar_topic))[-1]
 
-        def detect_frame(index: int) -> list[FrameResult | None]:
-            before, afters = next(pair for pair in pairs if pair[0].index == index)
+        def score_frame(index: int) -> list[FrameResult | None]:
+            # Read the clean frame and its adversarial versions.
+            frame, versions = next(pair for pair in pairs if pair[0].index == index)
             if index == last:
                 next(pairs, None)  # refuses adversarial frames that come after all clean ones
-            cached.forget()
-            if self.adversarial and all(after is None for after in afters):
-                return [None] * len(afters)
-            truth = ground_truth(before, cached.classes, cached.range_m, occlusion.at(before.stamp_ns))
+            if self.adversarial and not any(versions):
+                return [None] * len(versions)
+            # The ground truth, and what the detector finds of it in the clean cloud.
+            truth = ground_truth(frame, detector.classes, detector.range_m, occlusion.at(frame.stamp_ns))
             with fixed_torch_threads():
-                clean = _cloud_result(cached, truth, before.cloud, before.cloud)
-                defended = self._defended(cached, truth, "clean", before.index, before.cloud)
-                alone = FrameResult(before.index, -1, before.stamp_ns, truth, clean, defended=defended)
+                found = _cloud_result(detector, truth, frame.cloud, frame.cloud)
+                defended = self._defended(detector, truth, "clean", frame.index, frame.cloud)
+                clean = FrameResult(frame.index, -1, frame.stamp_ns, truth, found, defended=defended)
                 if not self.adversarial:
-                    return [alone]
+                    return [clean]
+                # What it finds in each adversarial cloud, and in clouds changed randomly as much.
                 return [
-                    self._compare(cached, alone, before, after, about) if after else None
-                    for after, about in zip(afters, self.provenances, strict=True)
+                    self._attacked(detector, clean, frame.cloud, version, provenance) if version else None
+                    for version, provenance in zip(versions, self.adversarial.values(), strict=True)
                 ]
 
-        return detect_frame
+        return score_frame
 
-    def _compare(
-        self, cached: CachedDetector, alone: FrameResult, before: Frame, after: Frame, provenance: Provenance
+    def _attacked(
+        self,
+        detector: CachedDetector,
+        clean: FrameResult,
+        clean_cloud: Cloud,
+        version: Frame,
+        provenance: Provenance,
     ) -> FrameResult:
-        truth, result_of = alone.truth, partial(_cloud_result, cached, alone.truth, before.cloud)
-        change = cloud_difference(before.cloud, after.cloud)
-        random = {}
-        if tries := self._tries(provenance):
+        """The result of a frame with an adversarial version of it and the random baselines."""
+        truth, result_of = clean.truth, partial(_cloud_result, detector, clean.truth, clean_cloud)
+        change = cloud_difference(clean_cloud, version.cloud)
+        baselines = {}
+        if n_draws := self._baseline_tries(provenance):
             clouds = random_baselines(
-                before.cloud,
+                clean_cloud,
                 truth.boxes.geometry[truth.is_evaluated],
-                SpentBudget.of(before.cloud, after.cloud, change, provenance.parameters),
-                lambda cloud: worth(truth, match(truth, cached.detect(cloud), cached.classes))[
+                SpentBudget.of(clean_cloud, version.cloud, change, provenance.parameters),
+                lambda cloud: worth(truth, match(truth, detector.detect(cloud), detector.classes))[
                     truth.is_evaluated
                 ],
-                tries=tries,
-                seed=self.seed,
-                index=before.index,
+                n_draws=n_draws,
+                seed=self.options.seed,
+                index=clean.index,
             )
-            random = {
-                condition: result_of(cloud, cloud_difference(before.cloud, cloud))
+            baselines = {
+                condition: result_of(cloud, cloud_difference(clean_cloud, cloud))
                 for condition, cloud in clouds
             }
-        defended = self._defended(cached, truth, "adv", before.index, after.cloud)
-        return FrameResult(
-            before.index,
-            after.index,
-            before.stamp_ns,
-            truth,
-            alone.clean,
-            result_of(after.cloud, change),
-            random,
-            {**alone.defended, **defended},
+        defended = self._defended(detector, truth, "adv", clean.index, version.cloud)
+        return replace(
+            clean,
+            adversarial_index=version.index,
+            adversarial=result_of(version.cloud, change),
+            baselines=baselines,
+            defended={**clean.defended, **defended},
         )
 
     def _defended(
-        self, cached: CachedDetector, truth: Truth, condition: str, index: int, cloud: Cloud
+        self, detector: CachedDetector, truth: Truth, condition: str, index: int, cloud: Cloud
     ) -> dict[str, CloudResult]:
         """A cloud under every defence, which draws the same for each cloud of a frame."""
         results = {}
-        for name, defence in parse_defences(self.defences).items():
-            defended = defence(cloud, named_generator(self.seed, "evaluate", "defence", name, index))
-            found = cached.detect(defended.cloud, defended.placement)
-            box_points = count_points(xyz(cloud), found.boxes)
+        for name, defence in parse_defences(self.options.defences).items():
+            rng = named_generator(self.options.seed, "evaluate", "defence", name, index)
+            defended = defence(cloud, rng)
+            found = detector.detect(defended.cloud, defended.placement)
             results[under(condition, name)] = CloudResult(
-                found, match(truth, found, cached.classes), box_points, len(defended.cloud)
+                found,
+                match(truth, found, detector.classes),
+                count_points(xyz(cloud), found.boxes),
+                len(defended.cloud),
             )
         return results
 
 
 def _cloud_result(
-    cached: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
+    detector: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
 ) -> CloudResult:
     """The result of a cloud; without a change it is the clean cloud itself."""
-    detections = cached.detect(cloud)
-    matches = match(truth, detections, cached.classes)
+    detections = detector.detect(cloud)
+    matches = match(truth, detections, detector.classes)
     box_points = count_points(xyz(cloud), detections.boxes)
     if change is None:
         return CloudResult(detections, matches, box_points, len(cloud), np.zeros(len(truth.boxes), bool))
@@ -209,7 +215,7 @@ def _cloud_result(
         box_points,
         points=len(cloud),
         emptied=truth.is_evaluated & ~recounted.is_evaluated,
-        recounted=None if is_alike else match(recounted, detections, cached.classes, ("strict",)),
+        recounted=None if is_alike else match(recounted, detections, detector.classes, ("strict",)),
         points_removed=len(change.removed),
         points_added=len(change.added),
         points_moved=len(change.moved),

@@ -29,6 +29,7 @@ class Displacement:
 
     @classmethod
     def of(cls, clean: Cloud, cloud: Cloud, change: CloudDifference) -> Displacement:
+        """The displacements of one adversarial cloud, in metres."""
         reach_m = added_distance_m(clean, cloud, change)
         moved_m = change.displacement_m
         if not len(moved_m):

@@ -1,4 +1,4 @@
-"""Every detection and every object of a frame, and what became of each."""
+"""Every detection and every object of a frame, and whether each was matched."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ Column = npt.NDArray[np.generic]
 
 
 def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score: float) -> Iterator[MatchRow]:
-    """Each detection on the cloud `condition`, then each object; `min_score` is the working point."""
+    """Each detection under a condition, then each object; `min_score` is the working point."""
     cloud, truth = frame.all_clouds()[condition], frame.truth
     lost = lost_objects(truth, frame.clean, cloud, min_score)
     displaced = displaced_objects(truth, frame.clean, cloud, min_score)
     new = new_false_positives(frame.clean, cloud, min_score)
     emptied = cloud.emptied if len(cloud.emptied) else np.zeros(len(truth.boxes), dtype=bool)
-    fates = _fates(frame, cloud)
+    outcomes = _outcomes(frame, cloud)
     for kind, boxes, labels, points in (
         (DETECTION, cloud.detections.boxes, cloud.detections.labels, cloud.box_points),
         (TRUTH, truth.boxes.geometry, truth.boxes.labels, truth.points),
@@ -58,8 +58,8 @@ def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score:
                 score=None if is_truth else float(cloud.detections.scores[number]),
                 **box,
                 points=int(points[number]),
-                occlusion=_known(truth.occlusion[number]) if is_truth else None,
-                **{name: values[number] for name, values in fates[kind].items()},
+                occlusion=_none_if_undefined(truth.occlusion[number]) if is_truth else None,
+                **{name: values[number] for name, values in outcomes[kind].items()},
                 is_lost=bool(lost[number]) if is_truth else None,
                 is_displaced=bool(displaced[number]) if is_truth else None,
                 is_emptied=bool(emptied[number]) if is_truth else None,
@@ -67,31 +67,31 @@ def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score:
             )
 
 
-def _fates(frame: FrameResult, cloud: CloudResult) -> dict[str, dict[str, list[Any]]]:
-    """By kind, then by field, of all its boxes."""
+def _outcomes(frame: FrameResult, cloud: CloudResult) -> dict[str, dict[str, list[Any]]]:
+    """The outcome and the match of every box, by its kind (detection or object), then by field."""
     truth_labels, labels = frame.truth.boxes.labels, cloud.detections.labels
-    fates: dict[str, dict[str, list[Any]]] = {DETECTION: {}, TRUTH: {}}
+    outcomes: dict[str, dict[str, list[Any]]] = {DETECTION: {}, TRUTH: {}}
     for kind, count in ((DETECTION, len(labels)), (TRUTH, len(truth_labels))):
         for criterion in CRITERIA:
-            fates[kind][f"fate_{criterion}"] = [IGNORED] * count  # classes that the detector does not know
-            fates[kind][f"match_{criterion}"] = [None] * count
+            outcomes[kind][f"fate_{criterion}"] = [IGNORED] * count  # classes that the detector does not know
+            outcomes[kind][f"match_{criterion}"] = [None] * count
     for (criterion, name), matches in cloud.matches.items():
         truths = np.flatnonzero(labelled(truth_labels, name))
         detections = np.flatnonzero(labelled(labels, name))
         fate, match = f"fate_{criterion}", f"match_{criterion}"
         for k, finds in enumerate(matches.finds):
             number = detections[k]
-            fates[DETECTION][fate][number] = (
+            outcomes[DETECTION][fate][number] = (
                 FOUND if matches.is_true_positive[k] else IGNORED if matches.is_ignored[k] else FALSE
             )
-            fates[DETECTION][match][number] = int(truths[finds]) if finds >= 0 else None
+            outcomes[DETECTION][match][number] = int(truths[finds]) if finds >= 0 else None
         for m, found_by in enumerate(matches.found_by):
             number = truths[m]
             if matches.is_evaluated[m]:
-                fates[TRUTH][fate][number] = FOUND if found_by >= 0 else MISSED
-            fates[TRUTH][match][number] = int(detections[found_by]) if found_by >= 0 else None
-    return fates
+                outcomes[TRUTH][fate][number] = FOUND if found_by >= 0 else MISSED
+            outcomes[TRUTH][match][number] = int(detections[found_by]) if found_by >= 0 else None
+    return outcomes
 
 
-def _known(value: float) -> float | None:
+def _none_if_undefined(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""What the attacked clouds lead to, in figures; and each random baseline, by the same metrics."""
+"""The metrics of attacked clouds and, equally, of each random baseline."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def recounted_metrics(
     rows: Sequence[FrameRow],
     condition: str,
 ) -> RecountedMetrics:
-    """The same if the objects were counted on the attacked clouds: shown beside, for it is not what counts.
+    """The same metrics with objects counted on the attacked clouds; secondary to those on the clean ones.
 
-    Removing points pushes objects under the minimum of points, and with them what the attack hid; adding
-    some lifts others over it.
+    Removing points leaves objects, hidden ones among them, with fewer than the minimum of points; adding
+    points lifts others above it.
     """
     clouds = [frame.clouds()[condition] for frame in frames]
     recounted = [cloud.matches if cloud.recounted is None else cloud.recounted for cloud in clouds]
@@ -100,7 +100,7 @@ def recounted_metrics(
 
 
 def difference(by_condition: Mapping[str, ConditionMatches], condition: str) -> tuple[float, Interval]:
-    """How many points of mAP ratio the attack costs beyond a baseline, drawn together."""
+    """The mAP ratio of the attack minus that of a baseline, in percentage points, with a paired interval."""
     clean, adversarial, baseline = by_condition["clean"], by_condition["adv"], by_condition[condition]
     draws = ratio_draws(adversarial, clean) - ratio_draws(baseline, clean)
     points = 100 * ratio(adversarial.mean_ap() - baseline.mean_ap(), clean.mean_ap())
@@ -133,6 +133,7 @@ def precisions(evaluated: ConditionMatches) -> Precisions:
 
 
 def ratio(part: float, whole: float) -> float:
+    """The quotient; NaN where the whole is 0."""
     return part / whole if whole else float("nan")
 
 
@@ -142,6 +143,7 @@ def ratio_draws(evaluated: ConditionMatches, whole: ConditionMatches, criterion:
 
 
 def above_0(values: Float64) -> Float64:
+    """The values (N,), with NaN for those that are not above 0."""
     return np.where(values > 0, values, np.nan)
 
 

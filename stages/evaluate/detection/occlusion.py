@@ -1,4 +1,4 @@
-"""How much of each road user something hides, where a bag says so: advpipe's own bags do."""
+"""The occlusion of each road user, where a bag holds it: advpipe's own bags do."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Occlusion:
         self._topic = topic.name if info is not None and info.type == topic.type else None
 
     def at(self, stamp_ns: int) -> Mapping[str, float]:
-        """The hidden share of the road users, by id, at the instant of a cloud; empty where unknown."""
+        """The occlusion in [0, 1] of the road users, by id, at the stamp of a cloud; empty where unknown."""
         if self._topic is None:
             return {}
         for raw in self._reader.raw_messages([self._topic], stamp_ns, stamp_ns):

@@ -19,8 +19,8 @@ def pair_frames(
 ) -> Iterator[tuple[Frame, list[Frame | None]]]:
     """The chosen frames of the clean bag in time order, each with its frame of every adversarial bag.
 
-    An adversarial bag may lack frames; one that none of the chosen clean frames has is refused, or passed
-    over if `is_part` says that the adversarial bags may well hold frames that were not chosen.
+    An adversarial bag may lack frames. Raises AdvpipeError for an adversarial frame without a chosen clean
+    one; with `is_part` such frames are skipped, as the adversarial bags may hold frames that were not chosen.
     """
     others = [read_frames(bag, lidar_topic=lidar_topic) for bag in adversarial]
     waiting = [next(frames, None) for frames in others]

@@ -1,4 +1,4 @@
-"""Random changes of a cloud under an attack's budget, in tries whose parts can be put together."""
+"""Random changes of a cloud under an attack's budget, in draws whose parts can be put together."""
 
 from __future__ import annotations
 
@@ -132,8 +132,8 @@ class RandomChange:
             self._rng.uniform(*self._intensities, len(intensity_changed)),
         )
 
-    def together(self, tries: list[DrawnChange], chosen: Int64) -> DrawnChange:
-        """Of each region r its part of the try `chosen[r]` (M,); of what is near no object, the first."""
+    def together(self, draws: list[DrawnChange], chosen: Int64) -> DrawnChange:
+        """Of each region r its part of the draw `chosen[r]` (M,); of what is near no object, the first."""
         take = np.append(chosen, 0)  # region -1, near none, is the last
 
         def pick(what: str, arrays: list[npt.NDArray[np.generic]]) -> npt.NDArray[np.generic]:
@@ -141,13 +141,13 @@ class RandomChange:
             return np.stack(arrays)[of, np.arange(len(of))] if len(of) else arrays[0]
 
         return DrawnChange(
-            np.asarray(pick("removed", [each.removed for each in tries]), np.int64),
-            np.asarray(pick("moved", [each.moved for each in tries]), np.int64),
-            np.asarray(pick("moved", [each.move_m for each in tries]), np.float64),
-            np.asarray(pick("added", [each.sources for each in tries]), np.int64),
-            np.asarray(pick("added", [each.add_m for each in tries]), np.float64),
-            np.asarray(pick("intensity_changed", [each.intensity_changed for each in tries]), np.int64),
-            np.asarray(pick("intensity_changed", [each.intensity for each in tries]), np.float64),
+            np.asarray(pick("removed", [each.removed for each in draws]), np.int64),
+            np.asarray(pick("moved", [each.moved for each in draws]), np.int64),
+            np.asarray(pick("moved", [each.move_m for each in draws]), np.float64),
+            np.asarray(pick("added", [each.sources for each in draws]), np.int64),
+            np.asarray(pick("added", [each.add_m for each in draws]), np.float64),
+            np.asarray(pick("intensity_changed", [each.intensity_changed for each in draws]), np.int64),
+            np.asarray(pick("intensity_changed", [each.intensity for each in draws]), np.float64),
         )
 
     def apply(self, change: DrawnChange) -> Cloud:

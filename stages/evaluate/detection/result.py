@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S
@@ -35,12 +35,6 @@ def result_row(
     }
     significant = [each.is_significant for each in baselines.values()]
     significant_vs_random = None if not significant or None in significant else all(significant)
-    texts = [*notes, *_on_blocks(scored.bootstrap.n_blocks)]
-    if attacked and by_condition["clean"].mean_ap() == 0:
-        texts.append("mAP ratio undefined: nothing found on the clean bag at strict overlap.")
-    if attacked and (hidden := attacked.objects_below_min_points):
-        texts.append(f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count.")
-    texts += _on_baselines(attack, baselines, significant_vs_random)
     return ResultRow(
         bag=comparison.name,
         detector=comparison.detector,
@@ -65,7 +59,7 @@ def result_row(
         ),
         baselines=baselines,
         significant_vs_random=significant_vs_random,
-        notes=(*texts, *warnings),
+        notes=(*notes, *_notes(scored, attack, attacked, baselines, significant_vs_random), *warnings),
     )
 
 
@@ -103,25 +97,27 @@ def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
     )
 
 
-def _on_blocks(n_blocks: int) -> list[str]:
+def _notes(
+    scored: Scored,
+    attack: AttackRecord,
+    attacked: CloudMetrics | None,
+    baselines: Mapping[str, BaselineMetrics],
+    significant_vs_random: bool | None,
+) -> Iterator[str]:
+    """Notes on too few blocks, an undefined mAP ratio, objects with few points left, and weak or strong
+    baselines."""
+    n_blocks, tries = scored.bootstrap.n_blocks, attack.baseline_tries
     if n_blocks < 2:
-        return [f"The frames fill fewer than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."]
-    if n_blocks < FEW_BLOCKS:
-        return [f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."]
-    return []
-
-
-def _on_baselines(
-    attack: AttackRecord, baselines: Mapping[str, BaselineMetrics], significant_vs_random: bool | None
-) -> list[str]:
-    """Notes on baselines with fewer tries than the attack, and on those not significantly weaker."""
-    tries, notes = attack.baseline_tries, []
+        yield f"The frames fill fewer than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."
+    elif n_blocks < FEW_BLOCKS:
+        yield f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."
+    if attacked and scored.by_condition["clean"].mean_ap() == 0:
+        yield "mAP ratio undefined: nothing found on the clean bag at strict overlap."
+    if attacked and (hidden := attacked.objects_below_min_points):
+        yield f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count."
     if attack.query_budget is not None and 0 < tries < attack.query_budget:
         best_of = f"the best of {tries}, the attack is the best of {attack.query_budget} tries"
-        notes = [f"The random baselines are {best_of}."]
-    if significant_vs_random is not False:
-        return notes
-    not_significant = [
-        baseline_title(condition) for condition, each in baselines.items() if not each.is_significant
-    ]
-    return [*notes, f"Not significantly stronger than the same budget spent {'; '.join(not_significant)}."]
+        yield f"The random baselines are {best_of}."
+    if significant_vs_random is False:
+        stronger = [baseline_title(name) for name, each in baselines.items() if not each.is_significant]
+        yield f"Not significantly stronger than the same budget spent {'; '.join(stronger)}."

@@ -1,4 +1,4 @@
-"""A comparison, scored: what all of its figures are worked out from."""
+"""A scored comparison, from which all its metrics are computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One frame's ground truth, what the detector made of a cloud of it, and how the two match."""
+"""One frame's ground truth, the detections in a cloud of it, and how the two match."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 
 AS_RECORDED = Placement()
-"""Of a cloud that no defence put elsewhere."""
+"""The placement of a cloud that no defence moved."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """When a detection counts as the object: an overlap in `space`, and how much of it for each class."""
+    """When a detection matches an object: the least overlap in `space` for each class."""
 
     title: str
     space: str
@@ -66,7 +66,7 @@ class Truth:
     occlusion: Float64
 
     def counted_on(self, cloud: Cloud) -> Truth:
-        """The objects as another cloud would have them evaluated: by their points in that one."""
+        """The objects, evaluated by their points in another cloud."""
         points = count_points(xyz(cloud), self.boxes.geometry)
         return replace(self, is_evaluated=self.is_findable & (points >= MIN_POINTS), points=points)
 
@@ -98,8 +98,12 @@ def known_classes(detector: ObjectDetector) -> tuple[str, ...]:
     return tuple(name for name in CLASSES if name in detector.classes)
 
 
+MOST_CACHED = 256
+"""Results that are kept: more than the clouds of one frame that several bags and baselines share."""
+
+
 class CachedDetector:
-    """A detector that looks at a cloud once, however many bags and baselines of a frame share it."""
+    """A detector that runs once on a cloud, however many bags and baselines of a frame share it."""
 
     def __init__(self, detector: ObjectDetector) -> None:
         self.classes = known_classes(detector)
@@ -109,14 +113,10 @@ class CachedDetector:
         self._labels = np.array([CLASSES.index(name) for name in detector.classes], dtype=np.int64)
         self._seen: dict[bytes, Detections] = {}
 
-    def forget(self) -> None:
-        """The next frame comes: its clouds are others."""
-        self._seen.clear()
-
     def detect(self, cloud: Cloud, placement: Placement = AS_RECORDED) -> Detections:
         """The detections in the detector's range, labelled by `geometry.boxes.CLASSES`, best first.
 
-        placement: where a defence put the cloud; the boxes are back where they belong.
+        placement: how a defence moved the cloud; the boxes are moved back.
         """
         about = f"{placement}".encode()
         key = hashlib.blake2b(np.ascontiguousarray(cloud).tobytes() + about, digest_size=16).digest()
@@ -127,11 +127,14 @@ class CachedDetector:
             boxes = placement.boxes_back(found.boxes)
             inside = np.flatnonzero(self.range_m.contains_centres(boxes))
             best = inside[np.argsort(-found.scores[inside], kind="stable")]
+            if len(self._seen) == MOST_CACHED:
+                del self._seen[next(iter(self._seen))]  # the oldest
             self._seen[key] = Detections(boxes[best], found.scores[best], self._labels[found.labels[best]])
         return self._seen[key]
 
     def _checked(self, found: Detections) -> Detections:
-        """The detections, if they are what `Detections` promises: a user's own class may err."""
+        """The detections. Raises AdvpipeError if they break the contract of `Detections`: the class may be a
+        user's own."""
         count = len(found.boxes)
         shapes = (found.boxes.shape, found.scores.shape, found.labels.shape)
         if shapes != ((count, 7), (count,), (count,)):
@@ -142,14 +145,14 @@ class CachedDetector:
             problem = f"labels beyond its {len(self._labels)} classes"
         else:
             return found
-        raise AdvpipeError(f"{type(self._detector).__name__}.detect gave {problem}; mend the detector")
+        raise AdvpipeError(f"{type(self._detector).__name__}.detect gave {problem}; fix the detector")
 
 
 def match(
     truth: Truth, detections: Detections, classes: tuple[str, ...], criteria: Sequence[str] = tuple(CRITERIA)
 ) -> Matches:
     """The matches of a frame by every criterion and class."""
-    spaces = {CRITERIA[word].space for word in criteria}
+    spaces = {CRITERIA[name].space for name in criteria}
     overlaps = {
         space: iou(detections.boxes, truth.boxes.geometry)
         for space, iou in _OVERLAP.items()
@@ -158,29 +161,28 @@ def match(
     matches = {}
     for name in classes:
         mine, theirs = labelled(truth.boxes.labels, name), labelled(detections.labels, name)
-        for word in criteria:
-            criterion = CRITERIA[word]
-            matches[word, name] = match_overlaps(
-                overlaps[criterion.space][np.ix_(theirs, mine)],
+        for criterion in criteria:
+            matches[criterion, name] = match_overlaps(
+                overlaps[CRITERIA[criterion].space][np.ix_(theirs, mine)],
                 truth.is_evaluated[mine],
                 detections.scores[theirs],
-                criterion.min_iou[name],
+                CRITERIA[criterion].min_iou[name],
             )
     return matches
 
 
 def worth(truth: Truth, matches: Matches) -> Float64:
-    """What a detector sees of each object (M,): the score of what finds it, strictly or else loosely.
+    """The score of the detection that finds each object (M,), strictly or else loosely.
 
-    What an attack has to bring down; of objects that are not evaluated it is 0.
+    Attacks minimise it; it is 0 for objects that are not evaluated.
     """
     seen = np.zeros(len(truth.boxes))
-    for (word, name), frame in matches.items():
-        if word in _WORTH:
+    for (criterion, name), frame in matches.items():
+        if criterion in _WORTH:
             hit = frame.found()
             scores = np.zeros(len(hit))
             scores[hit] = frame.scores[frame.found_by[hit]]
-            seen[labelled(truth.boxes.labels, name)] += _WORTH[word] * scores
+            seen[labelled(truth.boxes.labels, name)] += _WORTH[criterion] * scores
     return seen
 
 
@@ -190,8 +192,8 @@ _WORTH = {"strict": 1.0, "loose": 1e-3}  # the loose score only breaks ties
 def found_objects(truth: Truth, matches: Matches, min_score: float, criterion: str = "loose") -> Bool:
     """Which objects (M,) are evaluated and found by a criterion with at least this score."""
     found = np.zeros(len(truth.boxes), dtype=bool)
-    for (word, name), frame in matches.items():
-        if word == criterion:
+    for (matched_by, name), frame in matches.items():
+        if matched_by == criterion:
             found[labelled(truth.boxes.labels, name)] = frame.found(min_score)
     return found
 
@@ -199,8 +201,8 @@ def found_objects(truth: Truth, matches: Matches, min_score: float, criterion: s
 def false_positives(detections: Detections, matches: Matches, min_score: float) -> Bool:
     """Which detections (K,) of at least this score find nothing by the loose criterion."""
     wrong = np.zeros(len(detections), dtype=bool)
-    for (word, name), frame in matches.items():
-        if word == "loose":
+    for (criterion, name), frame in matches.items():
+        if criterion == "loose":
             wrong[labelled(detections.labels, name)] = frame.is_false_positive(min_score)
     return wrong
 

@@ -1,4 +1,4 @@
-"""Parts of the ground truth that are scored by themselves: near and far, hit by few points and by many.
+"""Parts of the ground truth that are scored separately, by range, number of points and occlusion.
 
 KITTI's own parts, easy, moderate and hard, are defined in a camera's image (height of the box in pixels,
 truncation), which a LiDAR's bag does not have: these stand in for them.
@@ -55,9 +55,9 @@ STRATA: tuple[Stratum, ...] = (
 class Measures:
     """The measures that strata are cut by, of the detections (K,) and the objects (M,) of a class.
 
-    What finds nothing lies in a stratum of its own: the range of its box, and the points that the
-    detector saw in it, where fewer than `MIN_POINTS` go with the lowest stratum. How much of something
-    that is not there is hidden, nobody can say: it counts against every stratum of occlusion.
+    A false positive belongs to the strata of its own box: by its range, and by its points in the cloud, where
+    fewer than `MIN_POINTS` belong to the lowest stratum. It has no occlusion, and counts against every
+    stratum of occlusion.
     """
 
     detections: dict[str, Float64]
@@ -65,7 +65,7 @@ class Measures:
 
     @classmethod
     def of(cls, frames: Sequence[FrameResult], condition: str, name: str) -> Measures:
-        """Those of all frames, one after the other, as in `MatchTable.of`; condition: which cloud."""
+        """The measures of all frames in turn, as in `MatchTable.of`, under a condition."""
         detections: dict[str, list[Float64]] = {"range": [], "points": []}
         truths: dict[str, list[Float64]] = {"range": [], "points": [], "occlusion": []}
         for frame in frames:
@@ -77,7 +77,10 @@ class Measures:
             truths["range"].append(box_range_m(truth.boxes.geometry[mine]))
             truths["points"].append(truth.points[mine].astype(np.float64))
             truths["occlusion"].append(truth.occlusion[mine])
-        return cls(_joined(detections), _joined(truths))
+        return cls(
+            {measure: np.concatenate([np.zeros(0), *values]) for measure, values in detections.items()},
+            {measure: np.concatenate([np.zeros(0), *values]) for measure, values in truths.items()},
+        )
 
     def cut(self, table: MatchTable, stratum: Stratum) -> MatchTable:
         """The matches of these detections and objects, where only those in the stratum count."""
@@ -92,7 +95,3 @@ class Measures:
 def box_range_m(boxes: Float64) -> Float64:
     """How far the centres of boxes (M, 7) are from the LiDAR in the plane: (M,)."""
     return np.hypot(boxes[:, 0], boxes[:, 1])
-
-
-def _joined(parts: dict[str, list[Float64]]) -> dict[str, Float64]:
-    return {name: np.concatenate([np.zeros(0), *arrays]) for name, arrays in parts.items()}

@@ -38,10 +38,10 @@ class Summary:
 
     result: its row of a report. per_frame: its rows of `frames.parquet`.
     min_score: the working point for counts and pictures: the best F1 on the clean clouds.
-    precisions: average precisions of the clean, the adversarial and the baselines' clouds, as far as there
-    are any. curves: by cloud, criterion and class, recall and precision (G,) from the highest score down.
-    defended: one row a defence. success: one row a cloud, class and range. effects: one row a cloud, over all
-    frames and over the attacked ones.
+    precisions: average precisions by condition. curves: by condition, criterion and class, recall and
+    precision (G,) from the highest score down. defended: a record for each defence. success: a record for
+    each condition, class and range. effects: a record for each condition, over all frames and over the
+    attacked ones.
     """
 
     comparison: Comparison
@@ -55,14 +55,12 @@ class Summary:
     effects: tuple[EffectRecord, ...] = ()
 
 
-def summarise(
-    comparison: Comparison, classes: tuple[str, ...], draws: int, seed: int, warnings: Sequence[str] = ()
-) -> Summary:
-    """The metrics of a comparison for a detector of these classes.
+def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[str] = ()) -> Summary:
+    """The metrics of a comparison, with intervals from so many draws of the bootstrap.
 
-    warnings: notes for the reader, the last ones. Raises AdvpipeError if not one object can be evaluated.
+    warnings: the last of its notes. Raises AdvpipeError if no object can be evaluated.
     """
-    frames = comparison.frames
+    frames, classes = comparison.frames, comparison.classes
     # Evaluated boxes of each class.
     boxes = {name: sum(frame.clean.matches["strict", name].n_truth for frame in frames) for name in classes}
     if not any(boxes.values()):
@@ -117,7 +115,7 @@ def summarise(
 
 
 def classes_in_map(boxes: Mapping[str, int]) -> tuple[list[str], list[str]]:
-    """The classes of the mAP, and what the reader must know about the choice."""
+    """The classes of the mAP, and notes on the choice."""
     enough = [name for name, count in boxes.items() if count >= MIN_BOXES]
     if enough:
         return enough, []

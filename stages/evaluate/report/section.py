@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from advpipe.pipeline.results.listed import Listed
@@ -87,7 +85,3 @@ class ReportSection:
     notes: tuple[str, ...] = ()
     formulas: tuple[Formula, ...] = ()
     terminal: tuple[Table, ...] = ()
-
-
-Family = Callable[[Path, Sequence[Path], int], Sequence[ReportSection]]
-"""What a family of attacks adds to a report: of a clean bag and adversarial ones, with the seed of draws."""

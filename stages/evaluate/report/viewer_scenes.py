@@ -25,6 +25,7 @@ from advpipe.pipeline.viewer.scene import (
     Fact,
     SceneBox,
     ViewerScene,
+    object_title,
 )
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.scoring import (
@@ -127,7 +128,7 @@ def _objects(
         yield SceneBox(
             TRUTH,
             box.tolist(),
-            f"{CLASSES[boxes.labels[number]]} {boxes.ids[number]}",
+            object_title(CLASSES[boxes.labels[number]], boxes.ids[number]),
             fate,
             ALWAYS,
             boxes.ids[number],

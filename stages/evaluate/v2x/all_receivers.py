@@ -37,7 +37,7 @@ def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xS
     ids = {name: station for station, name in drive.stations.items()}
     for step, replayed in drive.sent_again(drive.stations.keys() - listeners.keys()):
         sent |= {one.number for one in step.sent}
-        heard = [
+        receptions = [
             StationReception(
                 ids[one.listener], one.sent.station_id, one.sent.number, one.arrival_ns, one.power_dbm
             )
@@ -45,8 +45,8 @@ def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xS
         ]
         for waiting in recorded.values():
             while waiting and (step.end_ns is None or waiting[0].arrival_ns <= step.end_ns):
-                heard.append(waiting.popleft())
-        yield step, [one for one in heard if one.number in sent]
+                receptions.append(waiting.popleft())
+        yield step, [one for one in receptions if one.number in sent]
 
 
 def _recorded(reader: BagReader, name: str, station: int) -> Iterator[StationReception]:

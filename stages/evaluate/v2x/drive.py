@@ -33,7 +33,7 @@ from advpipe.stages.evaluate.v2x.recording import read_recording
 class EvaluatedDrive:
     """One evaluated bag; the clean one has no labels.
 
-    moments, errors, warned, heard: by listener. radio: None for a part of a drive, and without
+    moments, errors, warned, received: by listener. radio: None for a part of a drive, and without
     statistics in the bag. roads: None without roads in the bag: the checks that need them are off.
     missing_data: a sentence on each other thing that the bag lacks.
     """
@@ -43,7 +43,7 @@ class EvaluatedDrive:
     moments: dict[str, list[Moment]]
     errors: dict[str, LdmError]
     warned: dict[str, Warnings]
-    heard: dict[str, MessageNumbers]
+    received: dict[str, MessageNumbers]
     radio: RadioMetrics | None
     labels: list[MessageLabel]
     roads: RoadMap | None
@@ -51,11 +51,11 @@ class EvaluatedDrive:
 
     def honest(self, listener: str) -> frozenset[int]:
         """Numbers of the messages that others sent near a listener and that no attack touched."""
-        return self.heard[listener].near - {label.number for label in self.labels}
+        return self.received[listener].near - {label.number for label in self.labels}
 
     def delivered(self, listener: str, numbers: frozenset[int]) -> float:
         """The share of these messages that a listener received; NaN where that is unknown."""
-        return self.heard[listener].delivered(numbers) if listener in self.heard else math.nan
+        return self.received[listener].delivered(numbers) if listener in self.received else math.nan
 
     def wrong(self, listener: str) -> Float64:
         """Number of false, missing and displaced entries of a listener's map, at each of its moments."""

@@ -36,6 +36,7 @@ class MessageNumbers(NamedTuple):
 
     @classmethod
     def of(cls, receptions: ListenerReceptions) -> MessageNumbers:
+        """The numbers of the messages sent near a listener, and of those that it received."""
         return cls(receptions.near, frozenset(n for n in receptions.numbers if n is not None))
 
     def delivered(self, numbers: Collection[int]) -> float:

@@ -118,13 +118,13 @@ class _Trace:
 
     def write(self, receptions: Iterable[tuple[V2xStep, Sequence[StationReception]]]) -> Exported:
         received_count = sent_count = 0
-        heard_by: set[int] = set()
+        receivers: set[int] = set()
         claims: dict[int, Claim] = {}
         requests_ns: dict[int, int] = {}
         before: dict[int, RadioPlace] = {}
         begin_ns: int | None = None
         before_ns = 0
-        for step, heard in receptions:
+        for step, received in receptions:
             if begin_ns is None:
                 begin_ns, self._day_ns = step.begin_ns, step.begin_ns // _DAY_NS * _DAY_NS
             radios = {radio.station_id: radio for radio in step.radios}
@@ -135,7 +135,7 @@ class _Trace:
             claims.update(_claims(step.sent, self._geodesy))
             truths = [self._truth(one, claims, motion[one.station_id]) for one in step.sent]
             requests_ns.update((one.number, one.request_ns) for one in step.sent)
-            for one in heard:
+            for one in received:
                 claim = claims[one.number]
                 if math.isfinite(claim.x_m):
                     line = self._received(one, requests_ns[one.number], claim)
@@ -144,10 +144,10 @@ class _Trace:
             self._append(self._truth_name(), truths)
             for station, own in lines.items():
                 self._append(self._name(station, begin_ns), own)
-            heard_by |= set(lines)
+            receivers |= set(lines)
             sent_count += len(step.sent)
             before, before_ns = radios, step.begin_ns
-        return Exported(len(heard_by), received_count, sent_count, self._attacks)
+        return Exported(len(receivers), received_count, sent_count, self._attacks)
 
     def _append(self, name: str, lines: Sequence[str]) -> None:
         with (self._folder / name).open("a", encoding="utf-8") as file:
@@ -188,15 +188,15 @@ class _Trace:
     def _truth(self, one: Sent, claims: Mapping[int, Claim], motion: _Motion) -> str:
         """Type 4."""
         claim, values = claims.get(one.number), motion.vectors()
-        kind: Line = {"attackerType": self._type_of_message.get(one.number, 0)}
+        attacker_type: Line = {"attackerType": self._type_of_message.get(one.number, 0)}
         message: Line = {"messageID": one.number}
         time_s = self._seconds(one.request_ns)
         if self._form == "2018":
             head: Line = {"type": 4, "time": time_s, "sender": one.station_id}
-            return _line(head | kind | message | _place(values) | _speed(values))
+            return _line(head | attacker_type | message | _place(values) | _speed(values))
         pseudonym: Line = {"senderPseudo": one.station_id if claim is None else claim.station_id}
         head = {"type": 4, "sendTime": time_s, "sender": one.station_id}
-        return _line(head | pseudonym | message | values | kind)
+        return _line(head | pseudonym | message | values | attacker_type)
 
     def _seconds(self, time_ns: int) -> float:
         return (time_ns - self._day_ns) / 1e9

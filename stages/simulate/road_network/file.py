@@ -11,6 +11,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.missing_library import loader_line
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.scenario.map import Generator, Map
 from advpipe.stages.simulate.road_network.bounded_xml import refuse_xml_bombs
 from advpipe.stages.simulate.road_network.check import check_network, check_opendrive
@@ -61,7 +62,7 @@ def check_xml(path: Path, key: str, root_tags: tuple[str, ...], description: str
     key: of the scenario. description: of the expected file; both for error messages.
     """
     if not path.is_file():
-        hint = f"give its path with --set {key}=FILE"
+        hint = f"give its path with {option_name('settings')} {key}=FILE"
         raise AdvpipeError(f"{key}: {path} {'is not a file' if path.exists() else 'does not exist'}; {hint}")
     if path.stat().st_size == 0:
         raise AdvpipeError(f"{key}: {path} is empty")

@@ -27,7 +27,7 @@ class TrafficSource(Protocol):
 
     A source of your own inherits from this class, so that `__enter__` and `__exit__` need to be written only
     where there is something to open and close. The same scenario and seed must give the same drive: draw
-    from `advpipe.pipeline.core.seeding.named_generator(scenario.simulation.seed, "traffic")` alone.
+    from `advpipe.named_generator(scenario.simulation.seed, "traffic")` alone.
     """
 
     def __init__(

@@ -30,13 +30,13 @@ class RoadUser:
 
     @property
     def position_m(self) -> Float64:
-        """The position (3,) of base_link in the map's frame."""
+        """The origin of base_link in the map's frame (3,)."""
         position: Float64 = self.map_SE3_base[:3, 3]
         return position
 
 
 def boxes_of(users: Sequence[RoadUser]) -> Boxes:
-    """Ground-truth boxes of road users, in the map's frame."""
+    """The true boxes of N road users in the map's frame: geometry (N, 7), labels, ids, velocities (N, 3)."""
     if not users:
         return Boxes()
     geometry = np.array(

@@ -19,13 +19,13 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import TF, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.attackers import MessageAttack
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 
 class AttackedBag:
     """An adversarial bag and its parent. Raises AdvpipeError or ValueError for unreadable provenance."""
 
-    def __init__(self, bag: Bag, parent: Bag) -> None:
+    def __init__(self, bag: BagUnderTest, parent: BagUnderTest) -> None:
         self.bag, self.clean, self.adversarial = bag, parent.reader, bag.reader
         self.attacks = bag.provenance.fields.attacks
         families = {attack.family for attack in self.attacks}

@@ -11,7 +11,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.message_bounds import implausibility
 from advpipe.stages.verify.result import Result
-from advpipe.stages.verify.subject import Bag, Subject
+from advpipe.stages.verify.subject import BagUnderTest, Subject
 
 
 class FolderCheck(ABC):
@@ -28,7 +28,7 @@ class FolderCheck(ABC):
 class BagCheck(ABC):
     """A check of a bag after all its messages were read, so that its `scanners` are filled."""
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         self.bag = bag
 
     @abstractmethod
@@ -39,7 +39,7 @@ class BagCheck(ABC):
 class MessageView:
     """A message, decoded once for all checks."""
 
-    def __init__(self, bag: Bag, raw: RawMessage) -> None:
+    def __init__(self, bag: BagUnderTest, raw: RawMessage) -> None:
         self.bag, self.raw = bag, raw
         self.error = ""
 

@@ -10,14 +10,15 @@ from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.writer import FILES_RECORD
 from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.mcap.reader import McapFile
+from advpipe.pipeline.viewer_layouts.files import NAMES, layout_texts
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 
 class FilesBeside(FolderCheck):
     """A bag contains the SHA-256 of its labels and of attack.yaml, and a copy of metadata.yaml, so that these
-    files are protected without SHA256SUMS."""
+    files are protected without SHA256SUMS. The layouts of viewers follow from the bag."""
 
     def check(self) -> Iterator[Result]:
         for bag in self.subject.bags:
@@ -28,7 +29,7 @@ class FilesBeside(FolderCheck):
             except OSError as error:
                 yield Fault(bag.place, os_error_line(error))
 
-    def _check_bag(self, bag: Bag) -> Iterator[Result]:
+    def _check_bag(self, bag: BagUnderTest) -> Iterator[Result]:
         if bag.path.is_file() or not bag.provenance:
             return
         records = [McapFile(file).metadata for file in bag.files]
@@ -39,13 +40,14 @@ class FilesBeside(FolderCheck):
             for path in sorted(bag.path.iterdir())
             if path.is_file() and path.suffix != ".mcap" and path.name != METADATA_NAME
         }
+        layouts = _own_layouts(bag) if present.keys() & set(NAMES) else {}
         for name in sorted(stated.keys() | present.keys()):
             where = f"{bag.place}/{name}"
             if name not in present:
                 yield Fault(where, "is missing, though the bag lists its checksum")
             elif name in stated:
                 yield from self._compare(present[name], stated[name])
-            elif not self.subject.has_sums:
+            elif not self.subject.has_sums and present[name].read_bytes() != layouts.get(name):
                 yield Unchecked(where, "no checksum protects it")
         expected = "" if metadata is None else f"rosbag2_bagfile_information:\n{indent(metadata, '  ')}"
         if metadata is not None and (bag.path / METADATA_NAME).read_bytes() != expected.encode():
@@ -59,3 +61,11 @@ class FilesBeside(FolderCheck):
         else:
             if not is_same:
                 yield Fault(self.subject.place(path), "does not match the SHA-256 in the bag")
+
+
+def _own_layouts(bag: BagUnderTest) -> dict[str, bytes]:
+    """The layouts that this release writes beside a bag; none for an unreadable bag."""
+    try:
+        return {name: text.encode() for name, text in layout_texts(bag.path).items()}
+    except AdvpipeError:
+        return {}

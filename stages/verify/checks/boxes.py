@@ -18,7 +18,7 @@ from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 MARGIN_M = 1e-5
 """Tolerance at faces of boxes, since poses are rounded in quaternions; small, because many points of the road
@@ -44,7 +44,7 @@ class BoxesHoldPoints(MessageCheck):
     enlarged and shrunk by the vehicle's largest own motion in one revolution.
     """
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         super().__init__(bag)
         self._mounts: dict[str, tuple[str, Float64]] = {}
         self._instants: dict[str, _Instant] = {}

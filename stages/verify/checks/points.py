@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.bounded_parquet import rows
+from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS, read_point_labels
 from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
-from advpipe.pipeline.labels.quantity import Range, beyond_all
+from advpipe.pipeline.labels.quantities import cloud_quantities
+from advpipe.pipeline.labels.quantity import Quantity, Range, beyond_all
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
@@ -20,6 +22,13 @@ from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
 ROUNDING_M = 1e-6
 """Tolerance of labels, which have single precision; budgets are checked on the clouds themselves."""
+
+
+class _DeclaredBounds(NamedTuple):
+    """The bounds of each attack of one name, and the quantities that they bound."""
+
+    bounds: list[dict[str, Range]]
+    quantities: dict[str, Quantity[CloudChange]]
 
 
 class Points(BagCheck):
@@ -67,28 +76,31 @@ class Points(BagCheck):
                 yield Fault(where, f"frame {row['frame']} has a header that differs from the clean one's")
             elif label is not None:
                 change = CloudChange(old.cloud, new.cloud, label.labels)
-                bounds = declared.get(row["attack"], [])
-                faults = [*label_differences(change)] or [beyond_all(change, bounds, CLOUD_QUANTITIES)]
+                faults = [*label_differences(change)]
+                if not faults and (kept := declared.get(row["attack"])):
+                    faults = [beyond_all(change, kept.bounds, kept.quantities)]
                 yield from (Fault(where, f"frame {row['frame']}: {fault}") for fault in faults if fault)
         if following is not None or next(row_of, None) is not None:
             yield Fault(place, "labels frames that the bag does not hold")
         if next(adversarial, None) is not None:
             yield Fault(self.bag.place, "holds clouds that the clean bag does not")
 
-    def _declared(self, attacked: AttackedBag) -> Generator[Result, None, dict[str, list[dict[str, Range]]]]:
+    def _declared(self, attacked: AttackedBag) -> Generator[Result, None, dict[str, _DeclaredBounds]]:
         """Yield bounds that cannot be checked; return the others of the attacks on clouds, by attack."""
-        found: dict[str, list[dict[str, Range]]] = {}
+        found: dict[str, _DeclaredBounds] = {}
         for attack in attacked.attacks:
             if attack.family != "lidar":
                 continue
             if attack.declared is None:
                 yield Unchecked(self.bag.place, f"bounds of {attack.type} {NOT_DECLARED}")
                 continue
-            bounds = attack.declared.bounds
-            yield from unmeasurable(self.bag.place, attack.type, bounds, CLOUD_QUANTITIES)
+            bounds, quantities = attack.declared.bounds, cloud_quantities(attack.declared.quantities)
+            yield from unmeasurable(self.bag.place, attack.type, bounds, quantities)
             if not bounds:
                 yield Unchecked(self.bag.place, f"{attack.type} declares no bounds")
-            found.setdefault(attack.type, []).append(measurable(bounds, CLOUD_QUANTITIES))
+            known = found.setdefault(attack.type, _DeclaredBounds([], {}))
+            known.bounds.append(measurable(bounds, quantities))
+            known.quantities.update(quantities)
         return found
 
 

@@ -13,7 +13,7 @@ from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 TOLERANCE = 0.005
 """Relative tolerance, since sums of rounded periods deviate a little."""
@@ -31,7 +31,7 @@ class _Expected(NamedTuple):
 class Rates(MessageCheck):
     """Checks clean bags that advpipe recorded; `Copies` compares adversarial bags with them."""
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         super().__init__(bag)
         self._first_ns: dict[str, int] = {}
         self._last_ns: dict[str, int] = {}

@@ -13,7 +13,7 @@ from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.checks.rates import RECOVERED_KEY
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 KEPT_S = 120
 """Sent messages are kept this long; a message waits for at most a minute at its sender, less at its
@@ -47,7 +47,7 @@ class ReceptionsCheck(MessageCheck):
     Power and SINR are not checked, since the radio model is not run again.
     """
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         super().__init__(bag)
         self._sent: dict[int, _Sent] = {}
         self._arrivals: dict[str, _Arrival] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.dataset import signature
 from advpipe.stages.verify.checks.base import FolderCheck
 from advpipe.stages.verify.result import Fault, Result, Unchecked
@@ -29,5 +30,6 @@ class Signature(FolderCheck):
             return
         if key is None:
             yield Unchecked(
-                signature.FILE, f"valid for {signature.KEY_FILE}, which anyone could have added; pass --key"
+                signature.FILE,
+                f"valid for {signature.KEY_FILE}, which anyone could have added; pass {option_name('key')}",
             )

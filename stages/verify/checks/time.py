@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from advpipe.pipeline.messages import build
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 
 class Time(MessageCheck):
     """Checks messages in the order of the file."""
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         super().__init__(bag)
         self._log_ns: dict[str, int] = {}
         self._stamp_ns: dict[str, int] = {}

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 _ODOMETRY = VehicleTopics().odometry.type
 
@@ -15,7 +15,7 @@ _ODOMETRY = VehicleTopics().odometry.type
 class Transforms(MessageCheck):
     """Checks /tf and /tf_static. Odometry also connects its two frames; wheel odometry has its own frame."""
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         super().__init__(bag)
         self._parents: dict[str, str] = {}
         self._odometry_pairs: set[tuple[str, str]] = set()

@@ -8,13 +8,13 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.types import schema_text, type_hash
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result, Unchecked
-from advpipe.stages.verify.subject import Bag
+from advpipe.stages.verify.subject import BagUnderTest
 
 
 class Types(MessageCheck):
     """Compares definitions byte for byte in advpipe's bags, and by their RIHS01 hash (REP-2011) in others."""
 
-    def __init__(self, bag: Bag) -> None:
+    def __init__(self, bag: BagUnderTest) -> None:
         super().__init__(bag)
         self._checked_topics: set[str] = set()
         self._unreadable: set[str] = set()

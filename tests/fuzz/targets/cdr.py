@@ -25,7 +25,7 @@ TRUE_TEXTS = [text for text in TEXTS if text != "\ud800"]  # CDR holds UTF-8
 INTEGERS = [int(number) for number in NUMBERS if abs(number) < 2**65]
 FLOATS = [float(number) for number in NUMBERS if isinstance(number, float) or abs(number) < 2**65]
 
-CALLS = [word for word in sorted(calls.BAG_CALLS) for _ in range(1 if word in ("read", "recover") else 3)]
+CALLS = [name for name in sorted(calls.BAG_CALLS) for _ in range(1 if name in ("read", "recover") else 3)]
 WEIGHTS = {
     "/v2x/st": 8,
     "/v2x/se": 8,

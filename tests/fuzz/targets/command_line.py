@@ -118,9 +118,9 @@ def on_changed(tree: Path, out: Path) -> None:
 
 
 def _run(arguments: list[str], tree: Path) -> None:
-    words = [os.fsencode(word.encode("utf-8", "surrogateescape")) for word in arguments]
+    encoded = [os.fsencode(argument.encode("utf-8", "surrogateescape")) for argument in arguments]
     done = subprocess.run(
-        [os.fsencode(sys.executable), b"-m", b"advpipe", *words],
+        [os.fsencode(sys.executable), b"-m", b"advpipe", *encoded],
         cwd=tree,
         env={**os.environ, "OMP_NUM_THREADS": "1", "COLUMNS": "80"},
         capture_output=True,
@@ -165,7 +165,7 @@ CALLS: dict[str, Call] = {"command": command, "inspect": on_changed}
 def argument_cases(draw: st.DrawFn) -> Case:
     """A good command with words changed."""
     name = draw(st.sampled_from(COMMANDS))
-    words = [name, *GOOD[name]]
+    arguments = [name, *GOOD[name]]
     texts = [text.replace("\0", "").replace("\ud800", "\udcff") for text in TEXTS[:-1]]
     values = st.one_of(
         st.sampled_from(texts),
@@ -174,20 +174,20 @@ def argument_cases(draw: st.DrawFn) -> Case:
     )
     for _ in range(draw(st.integers(1, 3))):
         edit = draw(st.sampled_from(["value", "option", "option", "drop", "word"]))
-        place = draw(st.integers(1, len(words)))
+        place = draw(st.integers(1, len(arguments)))
         value = draw(values).replace("\0", "")[:100_000]
         if edit == "option":
-            words += [draw(st.sampled_from(OPTIONS)), *([value] if draw(st.booleans()) else [])]
-        elif place < len(words) and PINNED.search(words[place]):
+            arguments += [draw(st.sampled_from(OPTIONS)), *([value] if draw(st.booleans()) else [])]
+        elif place < len(arguments) and PINNED.search(arguments[place]):
             continue
         elif edit == "drop":
-            del words[place : place + 1]
+            del arguments[place : place + 1]
         elif edit == "word":
-            words.insert(place, value)
-        elif place < len(words):
-            key, equals, _ = words[place].partition("=")
-            words[place] = f"{key}={value}" if equals else value
-    return Case("command", ARGUMENTS, json.dumps(words).encode(), " ".join(words)[:200])
+            arguments.insert(place, value)
+        elif place < len(arguments):
+            key, equals, _ = arguments[place].partition("=")
+            arguments[place] = f"{key}={value}" if equals else value
+    return Case("command", ARGUMENTS, json.dumps(arguments).encode(), " ".join(arguments)[:200])
 
 
 def cases(folder: Path) -> st.SearchStrategy[Case]:

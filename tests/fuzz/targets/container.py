@@ -17,7 +17,7 @@ from tests.fuzz.mcap_tree import Node, body_of, packed, put_together, take_apart
 from tests.fuzz.values import NUMBERS, TEXTS
 
 MCAP, METADATA = "clean_0.mcap", "metadata.yaml"
-CALLS = {word: calls.BAG_CALLS[word] for word in ("read", "inspect", "verify", "frames", "recover")}
+CALLS = {name: calls.BAG_CALLS[name] for name in ("read", "inspect", "verify", "frames", "recover")}
 SCHEMA_LINES = (
     *(
         "uint8 x",

@@ -63,14 +63,14 @@ CALLS: dict[str, Call] = {
     "run": campaign,
     "plot": _of("clean", calls.plot),
     "recover": calls.save,
-    **{word: _of("clean", calls.BAG_CALLS[word]) for word in ("replay", "cam", "gnss", "detach", "frames")},
+    **{name: _of("clean", calls.BAG_CALLS[name]) for name in ("replay", "cam", "gnss", "detach", "frames")},
     "export": _of("cam", calls.export),
     **{
         f"evaluate {bag}": lambda tree, out, bag=bag: calls.evaluated(tree / "clean", tree / bag, out)
         for bag in BAGS[1:]
     },
 }
-WEIGHTED = [word for word in CALLS for _ in range(1 if word.startswith("evaluate") or word == "share" else 4)]
+WEIGHTED = [name for name in CALLS for _ in range(1 if name.startswith("evaluate") or name == "share" else 4)]
 
 
 READERS = {

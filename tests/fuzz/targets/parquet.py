@@ -20,22 +20,22 @@ PLACES = (
 BAGS = ("cam", "gnss", "detach")
 
 
-def _call(word: str, bag: str) -> Call:
-    if word == "evaluate":
+def _call(command: str, bag: str) -> Call:
+    if command == "evaluate":
         return lambda tree, out: calls.evaluated(tree / "clean", tree / bag, out)
-    return lambda tree, out: {"verify": calls.check, "export": calls.export}[word](tree / bag, out)
+    return lambda tree, out: {"verify": calls.check, "export": calls.export}[command](tree / bag, out)
 
 
 WORDS = ("verify", "export", "evaluate")
-CALLS: dict[str, Call] = {f"{word} {bag}": _call(word, bag) for bag in BAGS for word in WORDS}
+CALLS: dict[str, Call] = {f"{command} {bag}": _call(command, bag) for bag in BAGS for command in WORDS}
 
 
 @st.composite
 def label_cases(draw: st.DrawFn, files: dict[str, bytes]) -> Case:
     place = draw(st.sampled_from(PLACES))
-    word = draw(st.sampled_from(["verify"] * 4 + ["export"] * 4 + ["evaluate"]))
+    command = draw(st.sampled_from(["verify"] * 4 + ["export"] * 4 + ["evaluate"]))
     data, note = draw(edited_parquet(files[place]))
-    return Case(f"{word} {place.partition('/')[0]}", place, data, note)
+    return Case(f"{command} {place.partition('/')[0]}", place, data, note)
 
 
 def cases(folder: Path) -> st.SearchStrategy[Case]:

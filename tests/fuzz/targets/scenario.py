@@ -37,13 +37,13 @@ def override(tree: Path, out: Path) -> None:
 
 def attack_parameters(tree: Path, out: Path) -> None:
     """The same settings as those of an attack."""
-    from advpipe.pipeline.cli.attack import _parameters
+    from advpipe.pipeline.cli.attack import given_parameters
     from advpipe.pipeline.scenario.attacks import attack_spec
     from advpipe.stages.attack.run import AttackRequest
 
     given = json.loads((tree / SETTINGS).read_text(encoding="utf-8"))
     spec = attack_spec(
-        {"type": "cam-dos", "parameters": _parameters({}, [s.rpartition(".")[2] for s in given])}
+        {"type": "cam-dos", "parameters": given_parameters({}, [s.rpartition(".")[2] for s in given])}
     )
     AttackRequest((spec,), 0).check()
 

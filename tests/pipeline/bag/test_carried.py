@@ -77,7 +77,9 @@ def test_a_drive_without_lidars_has_no_clouds_of_theirs(record: Record) -> None:
 def test_without_sensors_in_the_scenario_every_cloud_may_be_one(record: Record, scenario: object) -> None:
     reader = record(scenario)
     assert lidar_topics(reader) == [FRONT.name, ROOF.name]
-    with pytest.raises(UsageError, match="has several LiDAR topics and none is /ego/lidar/points; name one"):
+    with pytest.raises(
+        UsageError, match="has several LiDAR topics and none is /ego/lidar/points; name one by lidar"
+    ):
         find_lidar_topic(reader)
 
 
@@ -93,7 +95,7 @@ def test_without_sensors_in_the_scenario_every_cloud_may_be_one(record: Record, 
         ({"sensors": {"lidars": {"a": {"vehicle": "../x"}}}}, "holds no scenario: sensors.lidars: a.vehicle"),
     ],
 )
-def test_what_is_no_scenario_is_told_in_a_line(record: Record, scenario: object, message: str) -> None:
+def test_what_is_no_scenario_is_reported_in_a_line(record: Record, scenario: object, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message) as caught:
         find_lidar_topic(record(scenario))
     assert "\n" not in str(caught.value)

@@ -10,6 +10,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
+from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build, topics
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 
@@ -120,6 +121,43 @@ def test_a_frame_without_its_truth_is_refused(tmp_path: Path) -> None:
         next(frames)
 
 
+def test_boxes_stamped_milliseconds_later_are_named(tmp_path: Path) -> None:
+    """Another recorder's: logged some time after they were stamped."""
+    with BagWriter(tmp_path / "bag", provenance={}) as bag:
+        cdr = cloud_to_cdr(np.zeros(5, POINT_DTYPE), 10**9, EGO.lidar_frame)
+        bag.write_cdr(EGO.lidar_points, cdr, 10**9 + 2_000_000)
+        boxes = build.detections_message(10**9 + 4_000_000, EGO.lidar_frame, ONE)
+        bag.write(EGO.objects, boxes, 10**9 + 9_000_000)
+    line = (
+        r"has the stamp 1000000000 ns of a cloud: the nearest is 4 ms later; give the boxes of each cloud "
+        r"the cloud's header stamp, or choose frames where they have it \(frames='start:stop:step'\)"
+    )
+    with pytest.raises(AdvpipeError, match=line):
+        list(read_frames(tmp_path / "bag"))
+
+
+def test_boxes_that_begin_after_the_cloud(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", provenance={}) as bag:
+        write_frame(bag, 0)
+        write_frame(bag, 10**10, boxes=ONE, frame_id=EGO.lidar_frame, truth_ns=10**10)
+    with pytest.raises(AdvpipeError, match="nor one near it; choose frames with ground truth"):
+        list(read_frames(tmp_path / "bag"))
+
+
+def test_the_transform_error_names_topics_that_can_be(tmp_path: Path) -> None:
+    """Odometry is named by advpipe's own topics, which a bag of /velodyne_points has none of."""
+    cloud = Topic("/velodyne_points", EGO.lidar_points.type)
+    with BagWriter(tmp_path / "bag", provenance={}) as bag:
+        bag.write_cdr(cloud, cloud_to_cdr(np.zeros(5, POINT_DTYPE), 0, "velodyne"), 0)
+        bag.write(EGO.objects, build.detections_message(0, "map", ONE), 0)
+    line = (
+        "no transform connects the frame 'map' of /ego/ground_truth/objects to 'velodyne' at 0 ns; record "
+        "/tf_static or /tf with one, stamped like each cloud, or give the boxes in the frame 'velodyne'$"
+    )
+    with pytest.raises(AdvpipeError, match=line):
+        list(read_frames(tmp_path / "bag"))
+
+
 def test_frames_that_nothing_ties(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
         write_frame(bag, boxes=ONE)
@@ -179,7 +217,7 @@ def test_which_lidar(tmp_path: Path) -> None:
             bag.write_cdr(topic, cloud_to_cdr(np.zeros(points, POINT_DTYPE), 0, name), 0)
     with pytest.raises(
         AdvpipeError,
-        match="several LiDAR topics and none is /ego/lidar/points; name one: /a/lidar/points, /b",
+        match="several LiDAR topics and none is /ego/lidar/points; name one by lidar: /a/lidar/points, /b",
     ):
         read_frames(tmp_path / "two")
     with pytest.raises(AdvpipeError, match="no clouds on /c"):
@@ -188,7 +226,7 @@ def test_which_lidar(tmp_path: Path) -> None:
     assert len(frame.cloud) == 2
 
 
-def test_a_malformed_cloud_is_told_with_its_place(tmp_path: Path) -> None:
+def test_a_malformed_cloud_is_reported_with_its_place(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
         bag.write_cdr(EGO.lidar_points, b"\0\1\0\0", 7)
     with pytest.raises(AdvpipeError, match="bag: /ego/lidar/points at 7 ns: malformed PointCloud2"):

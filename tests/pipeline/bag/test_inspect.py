@@ -1,4 +1,5 @@
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def test_what_is_in_a_bag(tmp_path: Path, record: Record, capsys: pytest.Capture
     assert "valid; they cover 1 of 1 chunks, 1 of 1 data sections" in printed
 
 
-def test_checksums_that_are_missing_are_told(tmp_path: Path, record_foreign: Record) -> None:
+def test_checksums_that_are_missing_are_reported(tmp_path: Path, record_foreign: Record) -> None:
     assert "damage would go unnoticed" in str(describe(record_foreign(tmp_path / "foreign")).checksums)
 
 
@@ -60,11 +61,17 @@ def test_several_lidars_on_several_vehicles(
         ("car", 1, 2),
         ("truck", 1, 2),
     ]
+    assert [(one.topic, one.clouds, one.points_least, one.points_mean) for one in description.lidars] == [
+        ("/bus_3/front/points", 2, 3, 3.0),
+        ("/ego/lidar/points", 2, 1, 1.0),
+        ("/ego/roof/points", 2, 2, 2.0),
+    ]
     description.print()
-    assert "/bus_3/front/points" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert re.search(r"clouds of /bus_3/front/points +2 of 3 to 3 points, 3 on average", shown)
 
 
-def test_what_others_told_a_vehicle_is_no_truth(tmp_path: Path, record: Record) -> None:
+def test_what_others_claimed_to_a_vehicle_is_no_truth(tmp_path: Path, record: Record) -> None:
     """The LDM's boxes have the type of the ground truth."""
     with BagWriter(tmp_path / "bag", provenance={}) as bag:
         for raw in BagReader(record(tmp_path / "original", frames=2)).raw_messages():

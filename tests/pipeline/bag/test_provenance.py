@@ -19,7 +19,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 Record = Callable[..., Path]
 
 
-def test_a_bag_tells_where_it_comes_from(tmp_path: Path, record: Record) -> None:
+def test_a_bag_states_where_it_comes_from(tmp_path: Path, record: Record) -> None:
     assert BagReader(record(tmp_path / "bag")).provenance == {
         "kind": "clean",
         "scenario": "a: 1\nb: ü\n",

@@ -54,7 +54,7 @@ def test_of_two_at_once_the_first_belongs_to_the_first(tmp_path: Path) -> None:
         assert recorded_receptions(reader, "bus") == []
 
 
-def test_what_a_bag_does_not_tell_is_not_known(tmp_path: Path) -> None:
+def test_what_a_bag_does_not_state_is_not_known(tmp_path: Path) -> None:
     """As of a real vehicle, whose driver writes the packets alone, by its own clock."""
     packet = serialise(udp_packet(100, b"cam"), UDP_TYPE)
     reader = bag_of(tmp_path / "bag", [(EGO.received_raw, packet, 100 + 30_000)])

@@ -95,9 +95,9 @@ def test_a_cut_file(drive: Path, tmp_path: Path, share: float, clouds: int) -> N
     assert all(raw in everything for raw in saved.raw_messages())
     before, after = list(read_frames(drive)), list(read_frames(recovery.out))
     assert [frame.cloud.tobytes() for frame in after] == [frame.cloud.tobytes() for frame in before[:clouds]]
-    told = dict(saved.provenance)
-    assert json.loads(told.pop("recovered"))["clouds"] == clouds
-    assert told == original.provenance
+    stated = dict(saved.provenance)
+    assert json.loads(stated.pop("recovered"))["clouds"] == clouds
+    assert stated == original.provenance
 
 
 def test_only_the_index_is_missing(drive: Path, tmp_path: Path) -> None:
@@ -213,7 +213,7 @@ def test_no_ros_recording(tmp_path: Path) -> None:
 def test_an_output_stays_unless_overwrite(drive: Path, tmp_path: Path) -> None:
     file = cut(drive, 0.5, tmp_path / "cut.mcap")
     recover(file)
-    with pytest.raises(OutputExistsError, match="--overwrite"):
+    with pytest.raises(OutputExistsError, match="overwrite=True"):
         recover(file)
     recover(file, overwrite=True)
     (tmp_path / "mine").mkdir()

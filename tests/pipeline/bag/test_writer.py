@@ -84,7 +84,7 @@ def test_metadata_yaml_is_version_8_on_single_lines(tmp_path: Path, record: Reco
     assert digests["/ego/ground_truth/objects"].startswith("RIHS01_793f5eab")
 
 
-def test_mcap_alone_tells_qos_and_type_hash(tmp_path: Path, record: Record) -> None:
+def test_mcap_alone_states_qos_and_type_hash(tmp_path: Path, record: Record) -> None:
     bag = record(tmp_path / "bag")
     assert BagReader(only_mcap(bag)).topics == BagReader(bag).topics
     with only_mcap(bag).open("rb") as stream:
@@ -122,7 +122,7 @@ def test_an_error_leaves_nothing(tmp_path: Path) -> None:
 def test_an_existing_bag_stays_unless_overwrite(tmp_path: Path, record: Record) -> None:
     bag = record(tmp_path / "bag", frames=1)
     before = hashes(bag)
-    with pytest.raises(OutputExistsError, match="--overwrite"):
+    with pytest.raises(OutputExistsError, match="overwrite=True"):
         record(bag)
     with pytest.raises(ZeroDivisionError):
         fail_after_a_message(bag, overwrite=True)

@@ -46,10 +46,10 @@ def run(
 ) -> Run:
     monkeypatch.chdir(made)
 
-    def run(*words: str) -> Done:
+    def run(*arguments: str) -> Done:
         capfd.readouterr()
         with pytest.raises(SystemExit) as ended:
-            app([word.format(out=tmp_path, drive=FOLDER) for word in words])
+            app([argument.format(out=tmp_path, drive=FOLDER) for argument in arguments])
         return Done(int(ended.value.code or 0), *capfd.readouterr())
 
     return run

@@ -164,8 +164,8 @@ def preload() -> None:
     """Every module of advpipe, and with it the libraries."""
     import importlib
 
-    for word in ("simulate", "attack", "evaluate", "train", "share", "verify"):
-        importlib.import_module(f"advpipe.stages.{word}.run")
+    for stage in ("simulate", "attack", "evaluate", "train", "share", "verify"):
+        importlib.import_module(f"advpipe.stages.{stage}.run")
     for name in ("pipeline.cli", "pipeline.bag.recover", "stages.evaluate.v2x.veremi"):
         importlib.import_module(f"advpipe.{name}")
 

@@ -15,6 +15,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
         ["attack", "{drive}", "--recipe", "random", "--frames", "0:2", "-o", "{out}/a\x1b"],
         "points_clean",
     ),
+    "attacks": (["attacks"], "attacks"),
     "evaluate": (["evaluate", "{drive}/clean", "--frames", "0:2", "-o", "{out}/e\x1b"], "rows"),
     "export": (["export", "{drive}", "-o", "{out}/x\x1b"], "sent"),
     "run": (["run", "smoke", "-o", "{out}/r\x1b", *SHORT], "evaluation"),
@@ -44,6 +45,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
     ),
 }
 REFUSED = {
+    "demo": ["demo", "--no-browser", "-o", "{drive}"],
     "import-weights": ["import-weights", "{drive}/none.pth", "-o", "{out}/i.safetensors"],
     "share": ["share", "{drive}", "-o", "{out}/\x1b"],
     "view": ["view", "{drive}/nowhere\x1b"],
@@ -55,8 +57,8 @@ REFUSED = {
 }
 
 
-def refuse_constant(word: str) -> None:
-    raise AssertionError(f"{word} is no JSON")
+def refuse_constant(constant: str) -> None:
+    raise AssertionError(f"{constant} is no JSON")
 
 
 def assert_harmless(done: Done) -> None:
@@ -77,16 +79,20 @@ SLOW = ("attack", "evaluate", "run", "train", "sweep")
 @pytest.mark.parametrize("command", RESULTS)
 def test_results(run: Run, command: str) -> None:
     """For people, spelt out; then for programs, one strict document and nothing else."""
-    words, key = RESULTS[command]
-    again = ["--overwrite"] if command not in ("unpack", "inspect", "recover", "verify", "clean") else []
-    done = run(*words)
+    arguments, key = RESULTS[command]
+    again = (
+        ["--overwrite"]
+        if command not in ("attacks", "unpack", "inspect", "recover", "verify", "clean")
+        else []
+    )
+    done = run(*arguments)
     good = GOOD.get(command, (0,))
     assert done.code in good, done.errors
     assert done.out
     assert_harmless(done)
     if command == "unpack":
-        words = [*words[:-1], "{out}/again"]
-    done = run(*words, *again, "--json")
+        arguments = [*arguments[:-1], "{out}/again"]
+    done = run(*arguments, *again, "--json")
     assert done.code in good, done.errors
     document = json.loads(done.out, parse_constant=refuse_constant)
     assert key in document
@@ -101,9 +107,9 @@ def test_quiet(run: Run, command: str) -> None:
     assert (done.code in GOOD.get(command, (0,)), done.out, done.errors) == (True, "", "")
 
 
-@pytest.mark.parametrize("words", REFUSED.values(), ids=REFUSED.keys())
-def test_refusals(run: Run, words: list[str]) -> None:
-    done = run(*words)
+@pytest.mark.parametrize("arguments", REFUSED.values(), ids=REFUSED.keys())
+def test_refusals(run: Run, arguments: list[str]) -> None:
+    done = run(*arguments)
     assert done.code == 2
     assert done.out == ""
     assert done.errors.count("\n") == 1
@@ -111,10 +117,10 @@ def test_refusals(run: Run, words: list[str]) -> None:
     assert_harmless(done)
 
 
-def test_verbose_tells_what_is_loaded_seeds_times_and_versions(run: Run) -> None:
+def test_verbose_prints_what_is_loaded_seeds_times_and_versions(run: Run) -> None:
     done = run("evaluate", "{drive}/clean", "--frames", "0:2", "-o", "{out}/e", "--seed", "7", "--verbose")
     assert done.code == 0
-    for told in (
+    for line in (
         "advpipe 0",
         "torch 2",
         "seed 7",
@@ -123,7 +129,7 @@ def test_verbose_tells_what_is_loaded_seeds_times_and_versions(run: Run) -> None
         "detecting: 2 in",
         "in all: ",
     ):
-        assert told in done.errors
+        assert line in done.errors
     assert_harmless(done)
 
 
@@ -133,7 +139,7 @@ def test_quiet_and_verbose_contradict(run: Run) -> None:
 
 def test_a_value_of_100_kb_is_not_echoed_whole(run: Run) -> None:
     long = "x" * 100_000
-    for words in (
+    for arguments in (
         ["simulate", "smoke", "--set", f"simulation.{long}=1"],
         ["simulate", "smoke", "--set", f"simulation.seed={long}"],
         ["attack", "{drive}", "--type", long],
@@ -142,18 +148,18 @@ def test_a_value_of_100_kb_is_not_echoed_whole(run: Run) -> None:
         ["evaluate", "{drive}", "--detector", long],
         [long],
     ):
-        done = run(*words)
+        done = run(*arguments)
         assert done.code in (1, 2)
         assert 20 < len(done.errors) < 1500
         assert done.errors.count("\n") == 1
 
 
 def test_a_class_that_ends_the_program_is_no_success(run: Run) -> None:
-    for words in (
+    for arguments in (
         ["attack", "{drive}", "--detector", "sys:exit"],
         ["evaluate", "{drive}", "--detector", "os:abc"],
     ):
-        done = run(*words, "-o", "{out}/x")
+        done = run(*arguments, "-o", "{out}/x")
         assert done.code == 2
         assert done.errors.startswith("advpipe: cannot load detector ")
     done = run("attack", "{drive}", "--type", "sys:exit", "-o", "{out}/x")

@@ -11,7 +11,7 @@ import pytest
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli import app
-from advpipe.pipeline.cli.attack import _parameters, attack_command
+from advpipe.pipeline.cli.attack import attack_command, given_parameters
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, AttackSummary
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_parameters_are_read_as_yaml() -> None:
-    assert _parameters(
+    assert given_parameters(
         {}, ["ratio=0.1", "along-ray=true", "ids=[a, b]", "mode=place", "most=null", "x_m=1e6"]
     ) == {
         "ratio": 0.1,
@@ -47,7 +47,7 @@ def requested(bag: Path, monkeypatch: pytest.MonkeyPatch, **options: object) -> 
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     attack_command(bag, **options)  # type: ignore[arg-type]
     (spec,) = seen[0].attacks
     return spec
@@ -59,11 +59,11 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
     spec = requested(bag, monkeypatch, ratio=0.02, settings=["rounds=4"], recipe="paper", frames="::5")
     assert spec.parameters == {"ratio": 0.02, "rounds": 4}
     assert (spec.recipe, spec.frames) == ("paper", "::5")
-    spec = requested(bag, monkeypatch, kind="cam-dos", attacker=["10%"], victim="ego", from_s=2.0, to_s=5.0)
+    spec = requested(bag, monkeypatch, type="cam-dos", attacker=["10%"], victim="ego", from_s=2.0, to_s=5.0)
     assert spec.attackers is not None
     assert (spec.attackers.share, spec.victim, spec.schedule.to_s) == (0.1, "ego", 5.0)
     assert not spec.dcc_reacts
-    assert requested(bag, monkeypatch, kind="cam-dos", dcc_reacts=True).dcc_reacts
+    assert requested(bag, monkeypatch, type="cam-dos", dcc_reacts=True).dcc_reacts
     assert spec.parameters == {}
 
 
@@ -97,22 +97,22 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
         ({"recipe": "x" * 100_000}, "^.{,300}$"),
         ({"ratio": 0.1, "settings": ["ratio=0.5"]}, "--set 'ratio=0.5': ratio is already 0.1; give it once"),
         ({"settings": ["rounds=4", "rounds=5"]}, "--set 'rounds=5': rounds is already 4; give it once"),
-        ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; known: ratio, "),
+        ({"settings": ["round=1"]}, r"detach: unknown parameter 'round'; did you mean 'rounds'"),
         ({"settings": ["rounds=many"]}, "detach: rounds is 'many'"),
-        ({"kind": "detatch"}, "unknown attack 'detatch'; known: .*detach, "),
+        ({"type": "detatch"}, "unknown attack 'detatch'; did you mean 'detach'"),
         ({"recipe": "worst"}, "recipe is 'worst'; known"),
         ({"attacker": ["a"]}, "detach has no use for attackers"),
         (
-            {"kind": "cam-dos", "attacker": ["a", "5%"]},
-            "--attacker 5%: a share or a roadside unit must be the only attacker",
+            {"type": "cam-dos", "attacker": ["a", "5%"]},
+            "attacker=.5%.: a share or a roadside unit must be the only attacker",
         ),
         (
-            {"kind": "cam-dos", "attacker": ["0%"]},
+            {"type": "cam-dos", "attacker": ["0%"]},
             r"attackers\.share: Input should be greater",
         ),
-        ({"kind": "cam-dos", "attacker": ["x%"]}, "--attacker x%: write a vehicle's id, 20%, or rsu:X,Y"),
-        ({"kind": "cam-dos", "attacker": ["rsu:1"]}, r"attackers\.roadside_unit\.y_m: Field required"),
-        ({"kind": "cam-dos", "ratio": 0.1}, "cam-dos: unknown parameter 'ratio'; known: "),
+        ({"type": "cam-dos", "attacker": ["x%"]}, "attacker=.x%.: write a vehicle's id, 20%, or rsu:X,Y"),
+        ({"type": "cam-dos", "attacker": ["rsu:1"]}, r"attackers\.roadside_unit\.y_m: Field required"),
+        ({"type": "cam-dos", "ratio": 0.1}, "cam-dos: unknown parameter 'ratio'; known: "),
         ({"from_s": 5.0, "to_s": 4.0}, "to_s 4 is not after from_s 5"),
         ({"from_s": -1.0}, r"from_s: Input should be greater than or equal to 0, not -1\.0"),
         ({"frames": "1;2"}, "frames '1;2': expected start:stop:step"),
@@ -135,10 +135,10 @@ def said(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
 
-    def said(*words: str) -> str:
+    def said(*arguments: str) -> str:
         capfd.readouterr()
         with pytest.raises(SystemExit):
-            app(["attack", *words], prog_name="advpipe")
+            app(["attack", *arguments], prog_name="advpipe")
         done = capfd.readouterr()
         return done.out + done.err
 
@@ -161,21 +161,23 @@ def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("arguments", "line"),
     [
         (["--ratoi", "0.1"], r"No such option: --ratoi; detach has --ratio, --rounds, .*--ratio"),
         (["--type", "detach", "--eps-cm", "3"], "--eps-cm; detach has --ratio, "),
         (["--type", "gnss-jam", "--ratio", "3"], "--ratio; gnss-jam has no parameters"),
         (["--type", "nope", "--help"], "unknown attack 'nope'; known: perturb"),
         (["--type", "nope", "--ratio", "1"], "unknown attack 'nope'; known: perturb"),
-        (["--ratio", "x"], "Invalid value for '?--ratio"),
+        (["--ratio", "x"], "Invalid value for '?--ratio.* 'x' is not a share; write 0.01 or 1%"),
+        (["--ratio", "x%"], "Invalid value for '?--ratio"),
+        (["--type", "perturb", "--eps-cm", "1%"], "Invalid value for '?--eps-cm"),
         (["--objects", "[a"], r"--objects '\[a': the value cannot be read"),
         (["--ratio", "0.1", "--set", "ratio=0.2"], "ratio is already 0.1; give it once"),
         (["--type"], "--type"),
     ],
 )
-def test_mistakes_in_parameters_given_as_options(said: Said, words: list[str], line: str) -> None:
-    text = said(*words)
+def test_mistakes_in_parameters_given_as_options(said: Said, arguments: list[str], line: str) -> None:
+    text = said(*arguments)
     assert re.fullmatch(rf"advpipe: .*{line}.*\n", text)
 
 
@@ -186,12 +188,14 @@ def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytes
         seen.append(request)
         return AttackSummary(out)
 
-    monkeypatch.setattr("advpipe.commands.attack.run", note)
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
     said(str(bag), "--type", "perturb", "--eps-cm", "3", "--along-ray", "--goal=hide", "--set", "steps=2")
     said("--objects", "[a, b]", "--type", "perturb", str(bag))
+    said("--ratio", "0.3%", str(bag))
     said(str(bag), "--type", "cam-position-constant", "--x-m=-1e1", "--y-m", "5", "--no-rebuild-path")
     assert [spec.parameters for request in seen for spec in request.attacks] == [
         {"eps_cm": 3.0, "along_ray": True, "goal": "hide", "steps": 2},
         {"eps_cm": 10.0, "objects": ("a", "b")},
+        {"ratio": 0.003},
         {"x_m": -10.0, "y_m": 5.0, "rebuild_path": False},
     ]

@@ -16,7 +16,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.run import run
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.cli.train import train_command
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -27,7 +27,7 @@ COMMANDS = {
     "train": lambda bag, out, device: train_command([bag], out, device=device),
     "attack": lambda bag, out, device: attack_command(bag, detector=DETECTOR, out=out, device=device),
     "evaluate": lambda bag, out, device: evaluate_command([bag], [DETECTOR], out=out, device=device),
-    "sweep": lambda bag, out, device: sweep(bag, detector=DETECTOR, out=out, device=device),
+    "sweep": lambda bag, out, device: sweep_command(bag, detector=DETECTOR, out=out, device=device),
     "run": lambda bag, out, device: run("coordinated", out, device=device),
 }
 

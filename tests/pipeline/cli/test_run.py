@@ -94,7 +94,7 @@ def test_all_stages_and_again(
 @pytest.mark.parametrize(
     ("attacks", "line"),
     [
-        ("{a: {type: detatch}}", "unknown attack 'detatch'; known: .*detach"),
+        ("{a: {type: detatch}}", "unknown attack 'detatch'; did you mean 'detach'"),
         ("{a: {type: detach}}", "ratio is missing"),
         ("{a: {type: detach, parameters: {ratio: 2}}}", "ratio is 2"),
         ("{a: {type: cam-dos, parameters: {rate: 2}}}", "cam-dos: unknown parameter 'rate'"),

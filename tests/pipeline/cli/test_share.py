@@ -31,8 +31,8 @@ def test_share_and_unpack(dataset: Path) -> None:
     assert "hold paths of the machine that made them, such as /home/me/Town06.xodr" in result.stderr
     assert "A. Author" in Path("shared/town/README.md").read_text(encoding="utf-8")
 
-    words = ["share", "town", "--out", "town.tar", "--split-mb", "1", "--licence", "CC0-1.0"]
-    result = CliRunner().invoke(app, words)
+    arguments = ["share", "town", "--out", "town.tar", "--split-mb", "1", "--licence", "CC0-1.0"]
+    result = CliRunner().invoke(app, arguments)
     assert result.stdout.splitlines()[:2] == ["town.tar.000", "town.tar.sha256"]
     result = CliRunner().invoke(app, ["unpack", "town.tar", "--out", "again"])
     assert result.stdout == "again\n"
@@ -42,13 +42,13 @@ def test_share_and_unpack(dataset: Path) -> None:
 
 def test_mistakes_cost_one_line(dataset: Path) -> None:
     CliRunner().invoke(app, ["share", "town"])
-    for words, message in (
+    for arguments, message in (
         (["share", "town"], "shared/town already exists; pass --overwrite"),
         (["share", "town", "--out", "x", "--split-mb", "1"], "end the output's name in .tar, as in x.tar"),
         (["share", "town", "--out", "x", "--sign", "none.pem"], "none.pem: the key cannot be read"),
         (["unpack", "none.tar"], "neither none.tar nor none.tar.000 exists"),
     ):
-        result = CliRunner().invoke(app, words)
+        result = CliRunner().invoke(app, arguments)
         assert result.exit_code == 2
         assert message in result.stderr
         assert len(result.stderr.splitlines()) == 1

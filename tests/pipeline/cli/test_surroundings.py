@@ -13,11 +13,14 @@ import pytest
 from hostile_set import FOLDER, SHORT, Done, Run
 
 
-def command(words: list[str], folder: Path, out: Path, how: str = "", **environment: str) -> Done:
+def command(arguments: list[str], folder: Path, out: Path, how: str = "", **environment: str) -> Done:
     """In a process of its own, by a shell: `how` says what becomes of its standard streams."""
     shell = ["bash", "-c", f'set -o pipefail; "$0" -m advpipe "$@" {how}', sys.executable]
     done = subprocess.run(
-        [*map(os.fsencode, shell), *(os.fsencode(word.format(out=out, drive=FOLDER)) for word in words)],
+        [
+            *map(os.fsencode, shell),
+            *(os.fsencode(argument.format(out=out, drive=FOLDER)) for argument in arguments),
+        ],
         capture_output=True,
         cwd=folder,
         env={**os.environ, **environment},
@@ -26,18 +29,18 @@ def command(words: list[str], folder: Path, out: Path, how: str = "", **environm
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ["inspect", "{drive}"],
         pytest.param(["inspect", "{drive}", "--json"], marks=pytest.mark.nightly),
         ["schema"],
     ],
 )
-def test_standard_output_that_takes_nothing(made: Path, tmp_path: Path, words: list[str]) -> None:
-    assert command(words, made, tmp_path, ">&-") == (0, "", "")
-    full = command(words, made, tmp_path, ">/dev/full")
+def test_standard_output_that_takes_nothing(made: Path, tmp_path: Path, arguments: list[str]) -> None:
+    assert command(arguments, made, tmp_path, ">&-") == (0, "", "")
+    full = command(arguments, made, tmp_path, ">/dev/full")
     assert full == (1, "", "advpipe: standard output cannot be written: No space left on device\n")
-    assert command(words, made, tmp_path, "| head -c 0") in ((1, "", ""), (0, "", ""))
+    assert command(arguments, made, tmp_path, "| head -c 0") in ((1, "", ""), (0, "", ""))
 
 
 def test_other_streams_that_are_closed(made: Path, tmp_path: Path) -> None:
@@ -71,7 +74,10 @@ def test_in_a_locale_of_ascii_files_are_the_same(run: Run, made: Path, tmp_path:
         ["inspect", "plain"],
     )
     in_ascii, in_utf8 = (
-        [[word.replace("{out}", str(tmp_path / name)) for word in words] for words in commands]
+        [
+            [argument.replace("{out}", str(tmp_path / name)) for argument in arguments]
+            for arguments in commands
+        ]
         for name in ("ascii", "utf8")
     )
     one_by_one = [sys.executable, "-c", ONE_BY_ONE, json.dumps(in_ascii)]
@@ -79,8 +85,8 @@ def test_in_a_locale_of_ascii_files_are_the_same(run: Run, made: Path, tmp_path:
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.isascii()
     assert ended.stdout.count(b"\n") > len(commands)
-    for words in in_utf8:
-        done = run(*words)
+    for arguments in in_utf8:
+        done = run(*arguments)
         assert done.code == 0, done.errors
     for name in ("bag/attack.yaml", "bag/bag_0.mcap", "report/report.html", "shared/README.md"):
         assert (tmp_path / "ascii" / name).read_bytes() == (tmp_path / "utf8" / name).read_bytes(), name
@@ -94,7 +100,7 @@ def test_names_that_are_not_utf_8(run: Run, made: Path, tmp_path: Path) -> None:
     """Shown with escapes; refused in one line where a table or report would have to hold them."""
     name = str(tmp_path / os.fsdecode(b"b\xff"))
     shutil.copytree(made / "plain", name)
-    for words, code in (
+    for arguments, code in (
         (["inspect", name], 0),
         (["inspect", name, "--json"], 0),
         (["verify", name], 0),
@@ -112,8 +118,8 @@ def test_names_that_are_not_utf_8(run: Run, made: Path, tmp_path: Path) -> None:
         (["import-weights", name, "-o", "x.safetensors"], 2),
         (["unpack", f"{name}.tar"], 2),
     ):
-        done = run(*words)
-        assert done.code == code, (words[0], done.errors)
+        done = run(*arguments)
+        assert done.code == code, (arguments[0], done.errors)
         lines = [line for line in done.errors.splitlines() if not line.startswith("note: ")]
         assert len(lines) == (0 if code == 0 else 1)
         assert code == 0 or "udcff" in done.errors
@@ -125,7 +131,7 @@ REPORT = ["evaluate", "{plain}", *FRAME, "--no-baseline", "-o", "{out}/report"]
 
 
 @pytest.mark.parametrize(
-    ("words", "code"),
+    ("arguments", "code"),
     [
         pytest.param(BAG, 0, marks=pytest.mark.nightly),
         pytest.param(REPORT, 0, marks=pytest.mark.nightly),
@@ -136,10 +142,12 @@ REPORT = ["evaluate", "{plain}", *FRAME, "--no-baseline", "-o", "{out}/report"]
         (["plot", "{plain}"], 2),
     ],
 )
-def test_a_working_folder_that_was_deleted(made: Path, tmp_path: Path, words: list[str], code: int) -> None:
+def test_a_working_folder_that_was_deleted(
+    made: Path, tmp_path: Path, arguments: list[str], code: int
+) -> None:
     (tmp_path / "gone").mkdir()
-    words = [word.format(plain=made / "plain", out=tmp_path / "out") for word in words]
-    shell = ["bash", "-c", 'rmdir ../gone; "$0" -m advpipe "$@"', sys.executable, *words]
+    arguments = [argument.format(plain=made / "plain", out=tmp_path / "out") for argument in arguments]
+    shell = ["bash", "-c", 'rmdir ../gone; "$0" -m advpipe "$@"', sys.executable, *arguments]
     done = subprocess.run(shell, capture_output=True, text=True, cwd=tmp_path / "gone")
     assert done.returncode == code, done.stderr
     if code:

@@ -21,7 +21,7 @@ from advpipe.pipeline.campaigns.sweep import settings
 from advpipe.pipeline.campaigns.sweep.run import commands_of
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
-from advpipe.pipeline.cli.sweep import sweep
+from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST
@@ -34,7 +34,7 @@ TABLE_ONE = ["perturb-10", "detach-1", "attach-0.5"]
 
 def run(clean: Path, out: Path, cells: list[str], **options: object) -> None:
     known = {"detector": DETECTOR, "frames": "::2", "baseline_tries": 1, "workers": 1} | options
-    sweep(clean, cells=cells, out=out, **known)  # type: ignore[arg-type]
+    sweep_command(clean, cells=cells, out=out, **known)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
     assert page.count(NOT_RUN) == 16 + 2 * 2  # of Table II and, two columns each, of Table I
     assert "<td>1.5 %, best</td><td>88.75</td><td>0.13397</td><td>0.00</td>" in page
     assert 'src="data:image/png;base64,' in page
-    assert not any(word in page for word in ('src="http', 'href="', str(swept)))
+    assert not any(text in page for text in ('src="http', 'href="', str(swept)))
 
 
 def test_the_page_begins_with_what_is_known_of_the_map(swept: Path) -> None:
@@ -210,7 +210,7 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
         ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
         ({"recipes": "worst"}, "recipe is 'worst'; known"),
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
-        ({"recipes": "random-near+twice"}, "recipe random-near does not look at rounds"),
+        ({"recipes": "random-near+twice"}, "recipe random-near does not use rounds"),
         ({"detector": "large"}, "large"),
         ({"frames": "90:"}, "select none of the bag's 12 frames"),
         ({"frames": "::3"}, r"holds best-detach-1 of another sweep \(frames 0::2, not 0::3\)"),

@@ -13,14 +13,13 @@ from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 def test_the_command_line_has_the_same_defaults() -> None:
     parameters = inspect.signature(attack_command).parameters
     for each in fields(AttackOptions):
-        name = "kind" if each.name == "type" else each.name
-        assert parameters[name].default == each.default, name
+        assert parameters[each.name].default == each.default, each.name
 
 
 def test_the_scenario_file_has_the_same_defaults_and_help() -> None:
     sections = AttackSpec.model_fields | Schedule.model_fields
     for each in fields(AttackOptions):
-        if each.name in ("seed", "device"):  # of all attacks: simulation.seed, and `run --device`
+        if each.name in ("seed", "device", "debug"):  # of all attacks: simulation.seed, and options of `run`
             continue
         assert (sections[each.name].description or "").startswith(each.metadata["help"])
         assert sections[each.name].default == each.default or sections[each.name].is_required()

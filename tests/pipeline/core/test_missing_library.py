@@ -27,11 +27,11 @@ ROOT = Path(__file__).parents[3]
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux's loader says")
 
 
-def advpipe(*words: str, shadow: Path) -> subprocess.CompletedProcess[str]:
+def advpipe(*arguments: str, shadow: Path) -> subprocess.CompletedProcess[str]:
     """The command, with the folder `shadow` before all installed packages."""
     code = f"import sys; sys.path.insert(0, {str(shadow)!r})\nfrom advpipe.pipeline.cli import app; app()"
     return subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, cwd=shadow, timeout=300
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, cwd=shadow, timeout=300
     )
 
 
@@ -94,9 +94,9 @@ COMMANDS_AND_LIBRARIES = {
     ],
 )
 def test_every_command_names_a_missing_system_library(case: str, smoke_set: Path, tmp_path: Path) -> None:
-    words, module = COMMANDS_AND_LIBRARIES[case]
+    arguments, module = COMMANDS_AND_LIBRARIES[case]
     broken_copy(module, tmp_path, b"libc.so.6", b"libQ.so.9")
-    line = line_of(advpipe(*(word.format(bag=smoke_set) for word in words), shadow=tmp_path))
+    line = line_of(advpipe(*(argument.format(bag=smoke_set) for argument in arguments), shadow=tmp_path))
     assert line.startswith("advpipe: the system library libQ.so.9 is missing; on Debian or Ubuntu, `apt-file")
 
 
@@ -133,7 +133,7 @@ def test_a_damaged_library_is_named(smoke_set: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "module", "package"),
+    ("arguments", "module", "package"),
     [
         (("simulate", "smoke"), "libsumo", "libsumo"),
         (("simulate", "smoke"), "sumo", "eclipse-sumo"),
@@ -144,9 +144,9 @@ def test_a_damaged_library_is_named(smoke_set: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_missing_python_package_is_named(
-    words: tuple[str, ...], module: str, package: str, tmp_path: Path
+    arguments: tuple[str, ...], module: str, package: str, tmp_path: Path
 ) -> None:
-    done = advpipe(*words, shadow=absent(module, tmp_path))
+    done = advpipe(*arguments, shadow=absent(module, tmp_path))
     expected = rf"advpipe: the Python package {package} is missing \(no module {module}[.\w]*\); install it: "
     assert re.match(expected + "pip install advpipe$", line_of(done))
 

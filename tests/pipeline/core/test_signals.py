@@ -19,10 +19,10 @@ ENDINGS = {
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at handlers in /proc")
 
 
-def started(*words: str, folder: Path) -> subprocess.Popen[str]:
+def started(*arguments: str, folder: Path) -> subprocess.Popen[str]:
     """The command, as soon as its handlers are installed: before that, it is Python that starts."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "advpipe", *words],
+        [sys.executable, "-m", "advpipe", *arguments],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -56,9 +56,9 @@ def test_a_signal_at_any_moment_of_the_start_ends_the_command_cleanly(
     tmp_path: Path, number: signal.Signals, moments_s: tuple[float, ...]
 ) -> None:
     """Imports of the command line, of its libraries, the network, the first frames of ten minutes."""
-    words = ["simulate", "smoke", "--set", "simulation.duration_s=600"]
+    arguments = ["simulate", "smoke", "--set", "simulation.duration_s=600"]
     for moment_s in moments_s:
-        with started(*words, folder=tmp_path) as process:
+        with started(*arguments, folder=tmp_path) as process:
             time.sleep(moment_s)
             process.send_signal(number)
             out, errors = process.communicate(timeout=120)

@@ -106,7 +106,7 @@ def test_a_flipped_bit_anywhere_is_found(tmp_path: Path, folder: Path) -> None:
         refused(archive, "town.tar")
 
 
-def test_what_is_cut_off_or_missing_is_said(tmp_path: Path, folder: Path) -> None:
+def test_what_is_truncated_or_missing_is_reported(tmp_path: Path, folder: Path) -> None:
     archive, sums = pack(contents(folder), tmp_path / "town.tar")
     good = archive.read_bytes()
     sums.unlink()

@@ -141,7 +141,7 @@ def test_many_folders_are_walked_and_deep_ones_left(tmp_path: Path) -> None:
     assert [left.path.parent.parent.name for left in find_leftovers(tmp_path)] == ["299"]
 
 
-def test_a_data_set_tells_its_leftovers_and_refuses_a_living_run(tmp_path: Path) -> None:
+def test_a_data_set_lists_its_leftovers_and_refuses_a_living_run(tmp_path: Path) -> None:
     (tmp_path / "clean").mkdir()
     (tmp_path / "clean" / "metadata.yaml").touch()
     report = killed(tmp_path / "reports" / ".small.partial-abcdefgh", "report.json")

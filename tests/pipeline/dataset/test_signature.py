@@ -37,8 +37,8 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def openssl(*words: object) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run(["openssl", *map(str, words)], capture_output=True, check=False)
+def openssl(*arguments: object) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(["openssl", *map(str, arguments)], capture_output=True, check=False)
 
 
 def test_it_signs_as_the_standard_does(tmp_path: Path, folder: Path) -> None:
@@ -84,7 +84,7 @@ def test_a_flipped_bit_in_any_byte_of_a_signature_is_found(tmp_path: Path, folde
             signature.verify_signature(folder, tmp_path / "public.pem")
 
 
-def test_without_a_key_the_folders_own_tells_damage(tmp_path: Path, folder: Path) -> None:
+def test_without_a_key_the_folders_own_shows_damage(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(AdvpipeError, match="the data set is not signed"):
         signature.verify_signature(folder)
     signature.sign_folder(folder, tmp_path / "private.pem")
@@ -97,7 +97,7 @@ def test_without_a_key_the_folders_own_tells_damage(tmp_path: Path, folder: Path
 @pytest.mark.oracle
 @needs_openssl
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         (["genpkey", "-algorithm", "ed25519", "-aes256", "-pass", "pass:x"], "is encrypted; decrypt it"),
         (["genpkey", "-algorithm", "x25519"], "is not an Ed25519 key; `openssl genpkey"),
@@ -105,9 +105,9 @@ def test_without_a_key_the_folders_own_tells_damage(tmp_path: Path, folder: Path
         (["ecparam", "-name", "prime256v1", "-genkey", "-noout"], "is not an Ed25519 key"),
     ],
 )
-def test_other_keys_are_refused(tmp_path: Path, folder: Path, words: list[str], message: str) -> None:
+def test_other_keys_are_refused(tmp_path: Path, folder: Path, arguments: list[str], message: str) -> None:
     key = tmp_path / "other.pem"
-    assert openssl(*words, "-out", key).returncode == 0
+    assert openssl(*arguments, "-out", key).returncode == 0
     with pytest.raises(AdvpipeError, match=message):
         signature.sign_folder(folder, key)
     assert not (folder / "SHA256SUMS.sig").exists()

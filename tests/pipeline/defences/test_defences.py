@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -27,26 +29,26 @@ def defend(text: str, points: np.ndarray, seed: int = 0):
     return defence(points, np.random.default_rng(seed))
 
 
-@pytest.mark.parametrize("word", DEFENCES)
-def test_every_defence_keeps_its_input_unchanged_and_depends_on_its_generator(word):
+@pytest.mark.parametrize("defence", DEFENCES)
+def test_every_defence_keeps_its_input_unchanged_and_depends_on_its_generator(defence):
     points = cloud()
-    once, twice = defend(word, points), defend(word, points)
+    once, twice = defend(defence, points), defend(defence, points)
     assert (points == cloud()).all()
     assert (once.cloud == twice.cloud).all()
     assert once.cloud.dtype == POINT_DTYPE
     assert len(once.cloud) != len(points) or (xyz(once.cloud) != xyz(points)).any()
 
 
-@pytest.mark.parametrize("word", ["sample", "jitter", "shift"])
-def test_another_seed_gives_another_cloud(word):
-    one, other = defend(word, cloud()).cloud, defend(word, cloud(), seed=1).cloud
+@pytest.mark.parametrize("defence", ["sample", "jitter", "shift"])
+def test_another_seed_gives_another_cloud(defence):
+    one, other = defend(defence, cloud()).cloud, defend(defence, cloud(), seed=1).cloud
     assert one.tobytes() != other.tobytes()
 
 
-@pytest.mark.parametrize("word", ["shift", "shift:2", "flip", "scale", "scale:0.8"])
-def test_boxes_are_mapped_back_to_the_original_cloud(word):
+@pytest.mark.parametrize("defence", ["shift", "shift:2", "flip", "scale", "scale:0.8"])
+def test_boxes_are_mapped_back_to_the_original_cloud(defence):
     """A box around the moved points, brought back, holds the points that it held there."""
-    defended = defend(word, cloud())
+    defended = defend(defence, cloud())
     there = points_in_boxes(xyz(defended.cloud), BOXES)
     back = defended.placement.boxes_back(BOXES)
     assert all(len(each) > 5 for each in there)
@@ -113,7 +115,14 @@ def test_names_are_resolved_with_all_parameters():
 @pytest.mark.parametrize(
     ("texts", "message"),
     [
-        (["jiter"], "unknown defence 'jiter'; known: sample, outliers, quantise, jitter, shift, flip, scale"),
+        (
+            ["jiter"],
+            r"unknown defence 'jiter'; did you mean 'jitter'\? known: sample, .* \(or your",
+        ),
+        (["jiter:0.1"], "unknown defence 'jiter'"),
+        (["json:nothing"], "defence json:nothing cannot be loaded: AttributeError"),
+        (["math:pi"], "defence math:pi is not a class"),
+        (["fractions:Fraction:numerator=1,denominator=0"], "each parameter .* needs a number"),
         (["jitter:metres=1"], "parameter 'metres' is unknown; known: sigma_m"),
         (["flip:2"], "known: none"),
         (["jitter:much"], "sigma_m is 'much', but must be a number"),
@@ -130,3 +139,36 @@ def test_invalid_defences_are_refused(texts, message):
     with pytest.raises(AdvpipeError, match=message) as caught:
         parse_defences(texts)
     assert "\n" not in str(caught.value)
+
+
+OWN = """
+from advpipe import DefendedCloud
+
+
+class Keep:
+    def __init__(self, *, count: float = 5):
+        if count < 1:
+            raise ValueError("count is too small")
+        self.count = int(count)
+
+    def __call__(self, cloud, rng):
+        return DefendedCloud(cloud[: self.count]) if self.count < 100 else cloud
+"""
+
+
+def test_a_defence_of_the_users_own(tmp_path, monkeypatch):
+    """Named by its class, with or without parameters; its mistakes are one-line errors."""
+    (tmp_path / "own_defence.py").write_text(OWN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [str(tmp_path), *sys.path])
+    points = cloud()
+    rng = np.random.default_rng(0)
+    for defence, name, count in (("", ":count=5", 5), (":count=7", ":count=7", 7), (":3", ":count=3", 3)):
+        (found,) = parse_defences([f"own_defence:Keep{defence}"]).items()
+        assert found[0] == f"own_defence:Keep{name}"
+        assert len(found[1](points, rng).cloud) == count
+    with pytest.raises(AdvpipeError, match=r"own_defence:Keep failed: ValueError: count is too small"):
+        parse_defences(["own_defence:Keep:0"])
+    (too_many,) = parse_defences(["own_defence:Keep:100"]).values()
+    with pytest.raises(AdvpipeError, match=r"failed: TypeError: returned ndarray instead of a DefendedCloud"):
+        too_many(points, rng)

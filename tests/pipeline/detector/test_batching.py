@@ -128,8 +128,8 @@ def requests_of(*kinds, pause_s=0.0):
 @pytest.mark.parametrize("slow", range(3))
 def test_batches_do_not_depend_on_timing(slow):
     detector = Batches()
-    words = [("loss", "detect", "loss"), ("detect", "loss"), ("loss", "loss", "detect", "detect", "loss")]
-    run_batched(detector, [requests_of(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(words)])
+    calls = [("loss", "detect", "loss"), ("detect", "loss"), ("loss", "loss", "detect", "detect", "loss")]
+    run_batched(detector, [requests_of(*each, pause_s=0.02 * (n == slow)) for n, each in enumerate(calls)])
     # Two ask for a loss, so the detection of the second one waits, and is in step with the first one's then.
     assert detector.batches == [
         *[("loss", 2), ("detect", 2), ("loss", 3)],

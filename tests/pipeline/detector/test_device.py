@@ -25,7 +25,7 @@ def test_an_unknown_device_is_refused(name):
 @pytest.mark.parametrize("name", ["cuda", "cuda:0", "cuda:1"])
 def test_cuda_without_a_gpu_is_refused(name, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with pytest.raises(AdvpipeError, match=rf"device {name}: .* finds no CUDA GPU; use --device cpu, or"):
+    with pytest.raises(AdvpipeError, match=rf"device {name}: .* finds no CUDA GPU; use device='cpu', or"):
         open_device(name)
 
 

@@ -96,9 +96,9 @@ def test_evaluate_loads_it_from_the_working_directory(tmp_path):
             truth = Boxes(CARS, np.zeros(2, np.int64), ("a", "b"), np.zeros((2, 3)))
             bag.write(TOPICS.objects, build.detections_message(stamp_ns, TOPICS.lidar_frame, truth), stamp_ns)
     program = "from advpipe.pipeline.cli import app; app()"
-    words = ["evaluate", "clean", "--detector", NAME, "--workers", "1", "--out", "report"]
+    arguments = ["evaluate", "clean", "--detector", NAME, "--workers", "1", "--out", "report"]
     command = [sys.executable, "-c", program]
-    done = subprocess.run(command + words, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command + arguments, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert json.dumps(NAME) in (tmp_path / "report" / "report.json").read_text()
     assert "car" in done.stdout

@@ -8,7 +8,7 @@ from advpipe.pipeline.labels.claims import ALL_CLAIMS, CLAIM_FIELDS, undeclared_
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, OTHER
 
 
-def test_every_field_tells_one_claim() -> None:
+def test_every_field_states_one_claim() -> None:
     assert sorted(field for fields in CLAIM_FIELDS.values() for field in fields) == sorted(FIELDS)
     assert tuple(CLAIM_FIELDS) == ALL_CLAIMS
 

@@ -34,7 +34,7 @@ def test_a_changed_message() -> None:
 @pytest.mark.parametrize(
     "after", [None, said(latitude_deg=None, speed_mps=None), said(longitude_deg=181.0, speed_mps=None)]
 )
-def test_what_tells_no_place_and_no_speed(after: dict[str, Any] | None) -> None:
+def test_what_states_no_place_and_no_speed(after: dict[str, Any] | None) -> None:
     found = measured(MessageChange(GEODESY, said(), after, 0.0))
     assert (found["position_offset_m"], found["speed_offset_mps"]) == (None, None)
 

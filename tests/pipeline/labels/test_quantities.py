@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES, CloudChange
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
 from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
@@ -26,8 +27,8 @@ def changed() -> CloudChange:
     adversarial["intensity"][3] = 0.25
     added = CLEAN[-1:].copy()
     added["x"] += 0.5
-    told = labels([1, 2, 3, 5, -1], ["removed", "moved", "removed", "moved", "added"])
-    return CloudChange(CLEAN, np.concatenate([adversarial, added]), told)
+    stated_labels = labels([1, 2, 3, 5, -1], ["removed", "moved", "removed", "moved", "added"])
+    return CloudChange(CLEAN, np.concatenate([adversarial, added]), stated_labels)
 
 
 def test_measures() -> None:
@@ -74,7 +75,7 @@ def test_nothing_changed_measures_nothing() -> None:
 def test_bounds(bounds: dict[str, tuple[float, float]], said: list[str]) -> None:
     found = list(excesses(changed(), bounds, CLOUD_QUANTITIES))
     assert len(found) == len(said)
-    assert all(line.startswith(words) for line, words in zip(found, said, strict=True))
+    assert all(line.startswith(start) for line, start in zip(found, said, strict=True))
 
 
 def test_one_point_may_always_go() -> None:

@@ -114,8 +114,8 @@ def test_a_definition_is_parsed_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     """A long one takes seconds, and no longer for each message."""
     calls = []
 
-    def count(*words: str) -> None:
-        calls.append(words)
+    def count(*arguments: str) -> None:
+        calls.append(arguments)
         raise ValueError
 
     monkeypatch.setattr("advpipe.pipeline.bag.reader.types_from", count)

@@ -57,7 +57,7 @@ def test_position_and_speed(make: Make) -> None:
     assert checks.position_speed_sigma(faster, make(0.0), ROUND) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_is_not_told_is_not_judged(make: Make) -> None:
+def test_what_is_not_stated_is_not_judged(make: Make) -> None:
     silent = make(0.5, speed_mps=math.nan, acceleration_mps2=math.nan, yaw_rate_radps=math.nan)
     for check in (checks.position_speed_sigma, checks.acceleration_sigma, checks.turn_sigma):
         assert math.isnan(check(silent, make(0.0), ROUND))

@@ -45,7 +45,7 @@ def test_honest_messages_pass(make: Make, ego: ReceivingVehicle) -> None:
     assert not any(flags(drive(make), ego))
 
 
-def test_a_constant_offset_is_a_lie_for_as_long_as_it_lasts(make: Make, ego: ReceivingVehicle) -> None:
+def test_a_constant_offset_is_false_for_as_long_as_it_lasts(make: Make, ego: ReceivingVehicle) -> None:
     """After 4 s all positions are 30 m to the side; from the second false message on they are consistent."""
     false_ones = [one._replace(y_m=30.0) for one in drive(make, 4.0)]
     assert flags([*drive(make, stop_s=4.0), *false_ones], ego) == [False] * 10 + [True] * 10
@@ -139,7 +139,7 @@ def test_sudden_appearance(make: Make, ego: ReceivingVehicle) -> None:
     assert flags([make(0.0), first, far, near], ego, config) == [False, False, False, True]
 
 
-def test_small_speed_lies_add_up(make: Make, ego: ReceivingVehicle) -> None:
+def test_small_false_speeds_add_up(make: Make, ego: ReceivingVehicle) -> None:
     """1 m/s too fast: after 3 s the way is 3 m too short, though each step of 0.4 m passes."""
     config = CONFIG.with_thresholds({"position_speed": CONFIG.thresholds["position_speed"], "drift": 6.0})
     found = flags([one._replace(speed_mps=11.0) for one in drive(make)], ego, config)

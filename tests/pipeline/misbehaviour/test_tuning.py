@@ -52,7 +52,7 @@ def test_the_more_may_be_above_the_lower(make: Make, ego: ReceivingVehicle) -> N
     assert all(strict[name] <= lenient[name] for name in CHECKS)
 
 
-def test_tuned_on_one_it_tells_lies_apart_on_another(make: Make, ego: ReceivingVehicle) -> None:
+def test_tuned_on_one_drive_it_detects_false_messages_on_another(make: Make, ego: ReceivingVehicle) -> None:
     clean, attacked = stream(make, ego), stream(make, ego, 6.0, seed=1)
     found = tune([clean], [attacked])
     assert found.false_positive_rate == 0.0

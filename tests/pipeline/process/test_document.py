@@ -20,8 +20,8 @@ class Found:
     counts: Counter[str]
 
 
-def refuse(word: str) -> None:
-    raise AssertionError(f"{word} is no JSON")
+def refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} is no JSON")
 
 
 def test_all_values_become_json_types() -> None:

@@ -28,9 +28,9 @@ def inspect(fault: str, folder: Path, *options: str, **environment: str) -> subp
     )
     (folder / "some").mkdir(exist_ok=True)
     (folder / "some" / "metadata.yaml").touch()
-    words = [*options, "inspect", "some"]
+    arguments = [*options, "inspect", "some"]
     environment = {**os.environ, "ADVPIPE_TRACEBACK_DIR": str(folder), **environment}
-    command = [sys.executable, "-c", code, *words]
+    command = [sys.executable, "-c", code, *arguments]
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment)
 
 
@@ -68,8 +68,8 @@ def test_the_traceback_is_shown_if_the_file_cannot_be_written(tmp_path: Path) ->
 
 
 def test_a_usage_error_shows_no_traceback(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "advpipe", "--traceback", "inspect", "nowhere"]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    arguments = [sys.executable, "-m", "advpipe", "--traceback", "inspect", "nowhere"]
+    done = subprocess.run(arguments, capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
 
 
@@ -88,8 +88,8 @@ def test_in_tests_it_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "test_it.py").write_text(TEST)
     (tmp_path / "some").mkdir()
     (tmp_path / "some" / "metadata.yaml").touch()
-    words = ["-m", "pytest", "-p", "no:dash", "-p", "no:cacheprovider"]
-    done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True)
+    arguments = ["-m", "pytest", "-p", "no:dash", "-p", "no:cacheprovider"]
+    done = subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert "an unexpected error" in done.stdout
     assert "ZeroDivisionError" in done.stdout
     assert "1 passed, 1 error" in done.stdout

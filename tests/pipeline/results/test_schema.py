@@ -28,9 +28,9 @@ def test_the_published_schema_is_that_of_the_code():
 
 def test_it_knows_every_criterion_and_baseline():
     assert tuple(scoring.CRITERIA) == CRITERIA
-    words = Draft202012Validator(report_schema()["properties"]["rows"]["items"]["properties"]["baselines"])
-    words.validate(baseline_names())
-    assert not words.is_valid(["baseline_far"])
+    names = Draft202012Validator(report_schema()["properties"]["rows"]["items"]["properties"]["baselines"])
+    names.validate(baseline_names())
+    assert not names.is_valid(["baseline_far"])
 
 
 @pytest.mark.parametrize(

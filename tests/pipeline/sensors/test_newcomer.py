@@ -35,8 +35,8 @@ v2x: {enabled: false}
 """
 
 
-def advpipe(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(Path(__file__).parent / "radar.py"), *map(str, words)]
+def advpipe(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(Path(__file__).parent / "radar.py"), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

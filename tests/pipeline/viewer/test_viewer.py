@@ -86,7 +86,7 @@ def place_of(browser, selector):
 
 def test_the_picture_follows_the_slider(opened):
     browser = opened()
-    browser.press("Escape")  # nothing is chosen
+    choose(browser, "objects", "")
     slide(browser, 0)
     before = canvas(browser)
     assert pixels(before, ADDED_RGB) == 0
@@ -162,7 +162,6 @@ def test_everything_can_be_done_with_the_keyboard(opened):
 
 def test_predictions_can_be_hidden(opened):
     browser = opened()
-    browser.press("Escape")
     before = canvas(browser)
     browser.evaluate(
         f"[...{ONE}.querySelectorAll('button.adv-mark')].find(e => e.innerText === 'predictions').click()"

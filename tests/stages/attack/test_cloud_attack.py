@@ -33,8 +33,10 @@ def _counted_from_zero(monkeypatch):
     monkeypatch.setattr(linear_detector.Batched, "batches", 0)
 
 
-def request(word="detach", detector="Batched", **changes):
-    spec = AttackSpec(type=word, parameters=BUDGETS[word], detector=f"linear_detector:{detector}", **changes)
+def request(attack_name="detach", detector="Batched", **changes):
+    spec = AttackSpec(
+        type=attack_name, parameters=BUDGETS[attack_name], detector=f"linear_detector:{detector}", **changes
+    )
     return AttackRequest((spec,), 3)
 
 
@@ -48,12 +50,12 @@ def outcome(folder):
     return [frame.cloud.tobytes() for frame in read_frames(folder)], tables
 
 
-@pytest.mark.parametrize("word", BUDGETS)
-def test_four_at_once_come_to_the_same_as_one_by_one(clean_bag, tmp_path, monkeypatch, word):
-    attack(clean_bag, tmp_path / "one", request(word))
+@pytest.mark.parametrize("attack_name", BUDGETS)
+def test_four_at_once_come_to_the_same_as_one_by_one(clean_bag, tmp_path, monkeypatch, attack_name):
+    attack(clean_bag, tmp_path / "one", request(attack_name))
     assert linear_detector.Batched.batches == 0
     at_once(monkeypatch, 4)
-    attack(clean_bag, tmp_path / "four", request(word))
+    attack(clean_bag, tmp_path / "four", request(attack_name))
     assert linear_detector.Batched.batches > 10
     assert outcome(tmp_path / "one") == outcome(tmp_path / "four")
 

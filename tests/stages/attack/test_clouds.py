@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -10,18 +12,19 @@ import yaml
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.run import AttackRequest, attack
 
 DETECTOR = "linear_detector:Shipped"
 ROOF = VehicleTopics("ego", "roof").lidar_points
 
 
-def detach(ratio=0.1, **keys):
-    return AttackSpec(type="detach", recipe="random", parameters={"ratio": ratio}, detector=DETECTOR, **keys)
+def detach(ratio=0.1, recipe="random", **keys):
+    return AttackSpec(type="detach", recipe=recipe, parameters={"ratio": ratio}, detector=DETECTOR, **keys)
 
 
 def rows(folder):
@@ -63,11 +66,13 @@ def test_clouds_outside_the_schedule_stay_as_they_are(clean_bag, tmp_path):
 def test_chance_does_not_hang_on_the_chosen_frames(clean_bag, tmp_path):
     spec = detach(schedule=Schedule(kind="random", probability=0.5))
     attack(clean_bag, tmp_path / "all", AttackRequest((spec,), 3))
-    struck = [row["frame"] for row in rows(tmp_path / "all") if row["attack"]]
-    assert 0 < len(struck) < 6
+    attacked_frames = [row["frame"] for row in rows(tmp_path / "all") if row["attack"]]
+    assert 0 < len(attacked_frames) < 6
     some = spec.model_copy(update={"frames": "1:"})
     attack(clean_bag, tmp_path / "some", AttackRequest((some,), 3))
-    assert [row["frame"] for row in rows(tmp_path / "some") if row["attack"]] == [k for k in struck if k]
+    assert [row["frame"] for row in rows(tmp_path / "some") if row["attack"]] == [
+        k for k in attacked_frames if k
+    ]
 
 
 def test_one_after_the_other(clean_bag, tmp_path):
@@ -92,6 +97,13 @@ def test_both_lidars(two_lidars, tmp_path):
     assert {int(x) - 2 for x in roof[1].cloud["x"]} == set(range(40)) - removed  # its x counts from 2 on
 
 
+def test_the_default_lidar_is_said_where_there_are_others(two_lidars, tmp_path, capsys):
+    attack(two_lidars, tmp_path / "adv", AttackRequest((detach(frames="0:1"),)))
+    assert "two has 2 LiDARs; /ego/lidar/points is used by default" in capsys.readouterr().err
+    attack(two_lidars, tmp_path / "roof", AttackRequest((detach(lidar=ROOF.name, frames="0:1"),)))
+    assert "LiDARs" not in capsys.readouterr().err
+
+
 def test_the_victims_lidar_is_found(two_lidars, tmp_path):
     attack(two_lidars, tmp_path / "adv", AttackRequest((detach(victim="ego"),)))
     assert {row["topic"] for row in rows(tmp_path / "adv")} == {"/ego/lidar/points"}
@@ -106,7 +118,10 @@ def test_the_victims_lidar_is_found(two_lidars, tmp_path):
         ),
         ([detach(frames="0:2"), detach(frames="3:")], "one bag cannot hold both 0:2 and 3:"),
         ([detach(schedule=Schedule(from_s=0.6))], r"begins at 0.6 s, but the recording ends at 0.58 s"),
-        ([detach(schedule=Schedule(from_s=0.5), frames="0:3")], "meets none of the chosen clouds"),
+        (
+            [detach(schedule=Schedule(from_s=0.5), frames="0:3")],
+            "schedule, from 0.5 s, meets none of the 3 chosen clouds of /ego/lidar/points; those are at 0",
+        ),
         ([detach(victim="bob")], "has no clouds of the victim 'bob'"),
         ([detach(lidar="/x/points")], "has no clouds on /x/points; it has /ego/lidar/points"),
         ([], "no attack is given"),
@@ -117,3 +132,38 @@ def test_what_cannot_be_done_is_refused(clean_bag, tmp_path, specs, line):
         attack(clean_bag, tmp_path / "adv", AttackRequest(tuple(specs)))
     assert "\n" not in str(caught.value)
     assert [item.name for item in tmp_path.iterdir()] == ["clean"]
+
+
+@pytest.fixture
+def without_truth(clean_bag, tmp_path):
+    path = tmp_path / "bare"
+    with BagWriter(path, provenance={}) as bag:
+        for raw in BagReader(clean_bag).raw_messages():
+            if raw.topic.name != "/ego/ground_truth/objects":
+                bag.copy(raw)
+    return path
+
+
+@pytest.mark.parametrize("recipe", ["best", "paper", "random-near"])
+def test_a_bag_without_the_truth_that_a_recipe_needs_is_refused(without_truth, tmp_path, recipe):
+    line = (
+        r"bare has no ground truth \(no topic of vision_msgs/msg/Detection3DArray or .*\); detach attacks "
+        "the objects in it: give a bag that holds it, or take the recipe random"
+    )
+    with pytest.raises(UsageError, match=line):
+        attack(without_truth, tmp_path / "adv", AttackRequest((detach(recipe=recipe),)))
+    assert not (tmp_path / "adv").exists()
+
+
+def test_recipes_that_need_no_truth_do_without(without_truth, tmp_path):
+    summary = attack(without_truth, tmp_path / "adv", AttackRequest((detach(recipe="random"),)))
+    assert (summary.frames, summary.unchanged, summary.warnings) == (6, 0, [])
+    ghost = AttackSpec(type="attach", parameters={"points": 5, "eps_m": 1.0, "ghost": "car:5:5"})
+    assert not build_lidar_attack(ghost).needs_ground_truth
+
+
+def test_frames_without_an_object_are_a_success_with_a_warning(clean_bag, tmp_path, capsys):
+    summary = attack(clean_bag, tmp_path / "adv", AttackRequest((detach(recipe="best", frames="4:5"),)))
+    (warning,) = summary.warnings
+    assert re.search(r"no cloud of .*adv was changed: no object to hide .* \(1 of 1 frames\)", warning)
+    assert f"warning: {warning}\n" in capsys.readouterr().err

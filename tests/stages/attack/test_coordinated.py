@@ -57,22 +57,22 @@ def files_of(folder):
 def test_three_families_strike_in_the_same_second(drive, tmp_path):
     lidar = detach(schedule=SPAN, frames="::5")
     summary = attack(drive, tmp_path / "adv", AttackRequest((lidar, SPEED, GPS), 7))  # in any order
-    clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
-    changed = {topic for topic in clean if clean[topic] != struck[topic]}
+    clean, adversarial = by_topic(drive), by_topic(tmp_path / "adv")
+    changed = {topic for topic in clean if clean[topic] != adversarial[topic]}
     untouched = {"/clock", "/tf_static", "/scenario/info", "/ego/ground_truth/odometry", "/ego/imu"}
     assert not changed & (untouched | {"/ego/ground_truth/objects", "/v2x/stations", "/ego/wheel/odometry"})
     assert {LIDAR, FIX, CAMS, "/tf", "/ego/odometry"} <= changed
     assert summary.replaced >= {FIX, CAMS}
     # Of the clouds, every fifth is there, and those of the span are attacked; nothing else is left out.
-    assert len(struck[LIDAR]) == 6
-    assert [len(clean[topic]) for topic in untouched] == [len(struck[topic]) for topic in untouched]
+    assert len(adversarial[LIDAR]) == 6
+    assert [len(clean[topic]) for topic in untouched] == [len(adversarial[topic]) for topic in untouched]
     frames = pq.read_table(str(tmp_path / "adv" / "frames.parquet")).to_pylist()
     assert [row["frame"] for row in frames] == [0, 5, 10, 15, 20, 25]
     assert [row["attack"] for row in frames] == ["", "", "detach", "detach", "", ""]
     # The GPS leaps for a second, by 50 to 150 m.
     start_ns = clean[FIX][0].log_time_ns
     reader = BagReader(drive)
-    for before, after in zip(clean[FIX], struck[FIX], strict=True):
+    for before, after in zip(clean[FIX], adversarial[FIX], strict=True):
         is_on = 1 <= (before.log_time_ns - start_ns) / 1e9 < 2
         fixes = [reader.decode(raw) for raw in (before, after)]
         north_m = (fixes[1].latitude - fixes[0].latitude) * 111_200
@@ -88,7 +88,7 @@ def test_three_families_strike_in_the_same_second(drive, tmp_path):
     assert len(list(read_frames(tmp_path / "adv"))) == 6  # the truth still fits the clouds
 
 
-def test_the_shipped_coordinated_attack_strikes_one_victim_at_one_time(drive, tmp_path):
+def test_the_shipped_coordinated_attack_attacks_one_victim_at_one_time(drive, tmp_path):
     """The scenario's own attacks, in the second second of a short drive: jam, false GPS, hidden points."""
     scenario = load_scenario("coordinated", [])
     shipped = scenario.attacks["coordinated"]
@@ -142,10 +142,10 @@ def _radios_at(reader, time_ns):
 
 def test_messages_alone_need_no_clouds_and_keep_all(drive, tmp_path):
     attack(drive, tmp_path / "adv", AttackRequest((SPEED,), 7))
-    clean, struck = by_topic(drive), by_topic(tmp_path / "adv")
-    assert clean[LIDAR] == struck[LIDAR]
-    assert clean[FIX] == struck[FIX]
-    assert clean[CAMS] != struck[CAMS]
+    clean, adversarial = by_topic(drive), by_topic(tmp_path / "adv")
+    assert clean[LIDAR] == adversarial[LIDAR]
+    assert clean[FIX] == adversarial[FIX]
+    assert clean[CAMS] != adversarial[CAMS]
     assert not (tmp_path / "adv" / "labels.parquet").exists()
     assert yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())["frames"] == "0::1"
 
@@ -234,3 +234,43 @@ def test_a_bag_without_v2x_and_gps(clean_bag, tmp_path):
 def test_its_name():
     assert attack_id(AttackRequest((GPS, detach()))) == "gnss-relocate+detach-random-0.05"
     assert attack_id(AttackRequest((SPEED,))).startswith("cam-speed-constant-speed_mps30")
+
+
+def test_viewers_see_false_and_believed_positions_beside_the_true_ones(drive, tmp_path):
+    offset = AttackSpec(type="cam-position-offset", attackers={"share": 1.0}, schedule=SPAN)
+    attack(drive, tmp_path / "adv", AttackRequest((offset, GPS), 7))
+    labels = pq.read_table(tmp_path / "adv" / "v2x_labels.parquet").to_pylist()
+    claimed = {(row["sent_ns"], row["true_station_id"]): row for row in labels}
+    reader, seen = BagReader(tmp_path / "adv", debug=True), 0
+    for _, message in reader.messages(f"/advpipe/debug{CAMS}"):
+        for marker in message.markers:
+            if marker.ns in ("true", "false"):
+                rows = [row for (_, station), row in claimed.items() if station % 2**31 == marker.id]
+                places = {(row[f"{marker.ns}_x_m"], row[f"{marker.ns}_y_m"]) for row in rows}
+                assert (marker.pose.position.x, marker.pose.position.y) in places
+                seen += 1
+    assert (
+        seen >= 2 * len({row["number"] for row in labels}) * 0.9
+    )  # the last of a station's in a step is shown
+    fixes = pq.read_table(tmp_path / "adv" / "gnss_labels.parquet").to_pylist()
+    spoofed = [row for row in fixes if row["attack"]]
+    shown = list(reader.messages(f"/advpipe/debug{FIX}"))
+    assert [time_ns for time_ns, _ in shown] == [row["stamp_ns"] for row in spoofed]
+    believed = dict(reader.messages("/ego/odometry"))
+    for (time_ns, message), row in zip(shown, spoofed, strict=True):
+        place = {one.ns: one.pose.position for one in message.markers}
+        offset_m = [getattr(place["false"], axis) - getattr(place["true"], axis) for axis in "xyz"]
+        expected_m = [row[f"offset_{axis}_m"] for axis in ("east", "north", "up")]
+        np.testing.assert_allclose(offset_m, expected_m, atol=1e-6)
+        assert place["believed"].x == believed[time_ns].pose.pose.position.x
+    times_ns = [raw.log_time_ns for raw in reader.raw_messages()]
+    assert times_ns == sorted(times_ns)
+
+
+def test_without_debug_only_the_debug_topics_are_missing(drive, tmp_path):
+    attack(drive, tmp_path / "with", AttackRequest((SPEED, GPS, detach()), 7))
+    attack(drive, tmp_path / "without", AttackRequest((SPEED, GPS, detach()), 7, debug=False))
+    full, plain = (BagReader(tmp_path / name, debug=True) for name in ("with", "without"))
+    debug = {f"/advpipe/debug{name}" for name in (LIDAR, CAMS, FIX)}
+    assert full.topics.keys() - plain.topics.keys() == debug
+    assert by_topic(tmp_path / "with") == by_topic(tmp_path / "without")

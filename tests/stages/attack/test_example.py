@@ -57,9 +57,9 @@ def test_its_parameters_are_checked(build):
 def test_it_is_used_by_name_from_its_folder(clean_bag, tmp_path):
     shutil.copy(EXAMPLE, tmp_path)
     shutil.copy(Path(__file__).parent / "linear_detector.py", tmp_path)
-    words = ["attack", str(clean_bag), "--type", NAME, "--set", "width_deg=30", "--frames", "0:2"]
-    words += ["--detector", "linear_detector:Shipped"]
-    command = [sys.executable, "-c", "from advpipe.pipeline.cli import app; app()", *words]
+    arguments = ["attack", str(clean_bag), "--type", NAME, "--set", "width_deg=30", "--frames", "0:2"]
+    arguments += ["--detector", "linear_detector:Shipped"]
+    command = [sys.executable, "-c", "from advpipe.pipeline.cli import app; app()", *arguments]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     frames = pq.read_table(str(tmp_path / "my_attack-Dazzle-30" / "frames.parquet")).to_pylist()

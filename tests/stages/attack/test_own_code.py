@@ -83,8 +83,8 @@ def _their_module(tmp_path, monkeypatch):
     monkeypatch.undo()
 
 
-def request(word):
-    return AttackRequest((AttackSpec(type=word, detector="linear_detector:Shipped"),))
+def request(attack_name):
+    return AttackRequest((AttackSpec(type=attack_name, detector="linear_detector:Shipped"),))
 
 
 @pytest.mark.parametrize(
@@ -98,9 +98,11 @@ def request(word):
     ],
 )
 def test_a_mistake_on_a_cloud_is_one_line(clean_bag, tmp_path, name, said):
-    word = f"wrong_attack:{name}"
-    with pytest.raises(AdvpipeError, match=rf"^{word} or linear_detector:Shipped failed: {said}") as caught:
-        attack(clean_bag, tmp_path / "out", request(word), workers=1)
+    attack_name = f"wrong_attack:{name}"
+    with pytest.raises(
+        AdvpipeError, match=rf"^{attack_name} or linear_detector:Shipped failed: {said}"
+    ) as caught:
+        attack(clean_bag, tmp_path / "out", request(attack_name), workers=1)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 

@@ -44,7 +44,9 @@ from advpipe.stages.attack.v2x.cams import with_fields
 class Shiver(LidarAttack):
     """Moves every point along x, with a mean square that is bounded: a new kind of budget."""
 
-    traits = LidarTraits(budget=Budget(title="Mean square in m²", parameter="mean_m2", unit="m²", usual=0.01))
+    traits = LidarTraits(
+        budget=Budget(title="Mean square in m²", parameter="mean_m2", unit="m²", default=0.01)
+    )
 
     def __init__(self, *, mean_m2: float, told: float = 1.0) -> None:
         self.mean_m2, self.told = mean_m2, told
@@ -153,10 +155,10 @@ def _their_module(tmp_path, monkeypatch):
     sys.modules.pop("own_attacks", None)
 
 
-def by_command(data_set: Path, name: str, *words: str) -> Path:
+def by_command(data_set: Path, name: str, *arguments: str) -> Path:
     """The bag that the command makes, its provenance compared, and verified."""
     bag = data_set / name.lower()
-    command = ["attack", str(data_set), "--type", f"own_attacks:{name}", "--out", str(bag), *words]
+    command = ["attack", str(data_set), "--type", f"own_attacks:{name}", "--out", str(bag), *arguments]
     done = CliRunner().invoke(app, command)
     assert done.exit_code == 0, done.output
     (record,) = BagReader(bag).provenance.fields.attacks
@@ -253,7 +255,7 @@ def test_bounds_of_ones_own_are_declared_and_kept(data_set: Path) -> None:
             {"told_per_s": 1},
             r"Burst went .*: messages an attacker added within one second: 2, but the attack declares 0 to 1",
         ),
-        ("Unmeasured", {}, r"Unmeasured bounds 'smell', which nobody measures; known: position_offset_m, "),
+        ("Unmeasured", {}, r"Unmeasured bounds 'smell', which is not measured; known: position_offset_m, "),
     ],
 )
 def test_what_goes_beyond_its_own_bounds_is_refused(

@@ -48,9 +48,9 @@ class Child(Parent):
 
 
 def test_worked_out_by_hand() -> None:
-    told = [(one.name, one.types, one.default, one.help) for one in documented_parameters(Parent)]
+    documented = [(one.name, one.types, one.default, one.help) for one in documented_parameters(Parent)]
     both = "at most and at least. A word in a line: of no parameter."
-    assert told == [
+    assert documented == [
         ("rate_mps", (float,), REQUIRED, "how fast"),
         ("most_m", (float,), None, both),
         ("least_m", (int,), 0, both),

@@ -19,8 +19,8 @@ from advpipe.stages.attack.registry import ATTACKS, find_attack
 BUDGET = Budget(title="Size in m", parameter="size_m", unit="m")
 
 
-def known_parameters(word):
-    return parameters_of.known_parameters(find_attack(word))
+def known_parameters(attack):
+    return parameters_of.known_parameters(find_attack(attack))
 
 
 def resolved_parameters(spec):
@@ -131,8 +131,8 @@ def test_defaults_are_filled_in_in_the_constructors_order():
 @pytest.mark.parametrize(
     ("parameters", "line"),
     [
-        ({}, "my_own:Mine: size_m is missing; pass --set size_m=VALUE"),
-        ({"size": 3}, "unknown parameter 'size'; known: size_m, mode, times, hard, ids"),
+        ({}, "my_own:Mine: size_m is missing; pass size_m"),
+        ({"size": 3}, "unknown parameter 'size'; did you mean 'size_m'"),
         ({"size_m": "wide"}, "size_m is 'wide': Input should be a valid number"),
         ({"size_m": True}, "size_m is True: Input should be a valid number"),
         ({"size_m": 1, "times": 2.5}, "times is 2.5: Input should be a valid integer"),
@@ -149,7 +149,7 @@ def test_bad_parameters_are_one_line(parameters, line):
 
 
 @pytest.mark.parametrize(
-    ("word", "parameters", "line"),
+    ("attack", "parameters", "line"),
     [
         (
             "perturb",
@@ -162,12 +162,12 @@ def test_bad_parameters_are_one_line(parameters, line):
         ("detach", {"ratio": 0.1, "max_points": 10**12}, "max_points is 1000000000000: it may be"),
     ],
 )
-def test_parameters_of_ours_are_bounded_by_their_units(word, parameters, line):
+def test_parameters_of_ours_are_bounded_by_their_units(attack, parameters, line):
     with pytest.raises(AdvpipeError, match=line):
-        resolved_parameters(AttackSpec(type=word, parameters=parameters))
+        resolved_parameters(AttackSpec(type=attack, parameters=parameters))
 
 
-def test_words_stand_for_numbers_where_numbers_are_taken():
+def test_texts_stand_for_numbers_where_numbers_are_taken():
     given = {"ratio": "1e-2", "rounds": "1e1", "objects": "1e1"}
     found = resolved_parameters(AttackSpec(type="detach", parameters=given))
     assert (found["ratio"], found["rounds"], found["objects"]) == (0.01, 10, ("1e1",))
@@ -178,14 +178,14 @@ def test_words_stand_for_numbers_where_numbers_are_taken():
     ("objects", "names"),
     [("suv.3", ("suv.3",)), (["a", "b"], ("a", "b")), (7, ("7",)), ([7, "a"], ("7", "a"))],
 )
-def test_one_word_stands_for_a_list_of_it(objects, names):
+def test_one_name_stands_for_a_list_of_it(objects, names):
     given = AttackSpec(type="detach", parameters={"ratio": 0.1, "objects": objects})
     assert resolved_parameters(given)["objects"] == names
     assert build_lidar_attack(given).constraints.objects == names
 
 
 @pytest.mark.parametrize("objects", [None, 1.5, True, ["a", None]])
-def test_what_is_no_word_is_refused(objects):
+def test_what_is_no_name_is_refused(objects):
     with pytest.raises(AdvpipeError, match=r"detach: objects is .*should be a valid string"):
         resolved_parameters(AttackSpec(type="detach", parameters={"ratio": 0.1, "objects": objects}))
 
@@ -205,45 +205,45 @@ def test_an_option_that_an_attack_does_not_have_is_nobodys():
 
 
 @pytest.mark.parametrize(
-    ("word", "recipe", "parameters", "line"),
+    ("attack", "recipe", "parameters", "line"),
     [
         (
             "attach",
             "paper",
             {"eps_m": 1.0, "intensity": True},
-            "paper does not look at intensity; .*: best,",
+            "paper does not use intensity; .*: best,",
         ),
-        ("attach", "paper", {"eps_m": 1.0, "rounds": 3}, "recipe paper does not look at rounds"),
+        ("attach", "paper", {"eps_m": 1.0, "rounds": 3}, "recipe paper does not use rounds"),
         (
             "attach",
             "best",
             {"eps_m": 1.0, "weight": 2.0},
-            "best does not look at weight; .*does: paper",
+            "best does not use weight; .*does: paper",
         ),
-        ("perturb", "paper", {"eps_cm": 1.0, "intensity": True}, "recipe paper does not look at intensity"),
-        ("perturb", "random", {"eps_cm": 1.0, "steps": 9}, "recipe random does not look at steps"),
-        ("detach", "random-near", {"ratio": 0.1, "rounds": 9}, "recipe random-near does not look at rounds"),
+        ("perturb", "paper", {"eps_cm": 1.0, "intensity": True}, "recipe paper does not use intensity"),
+        ("perturb", "random", {"eps_cm": 1.0, "steps": 9}, "recipe random does not use steps"),
+        ("detach", "random-near", {"ratio": 0.1, "rounds": 9}, "recipe random-near does not use rounds"),
         (
             "perturb",
             "paper",
             {"eps_cm": 1.0, "goal": "hide"},
-            "paper does not look at goal; .*: best,",
+            "paper does not use goal; .*: best,",
         ),
-        ("detach", "paper", {"ratio": 0.1, "goal": "hide"}, "recipe paper does not look at goal"),
-        ("attach", "random", {"eps_m": 1.0, "goal": "hide"}, "recipe random does not look at goal"),
+        ("detach", "paper", {"ratio": 0.1, "goal": "hide"}, "recipe paper does not use goal"),
+        ("attach", "random", {"eps_m": 1.0, "goal": "hide"}, "recipe random does not use goal"),
     ],
 )
-def test_what_a_recipe_would_pass_over_is_refused(word, recipe, parameters, line):
+def test_what_a_recipe_would_pass_over_is_refused(attack, recipe, parameters, line):
     with pytest.raises(AdvpipeError, match=line):
-        build_lidar_attack(AttackSpec(type=word, recipe=recipe, parameters=parameters))
-    known = known_parameters(word)
+        build_lidar_attack(AttackSpec(type=attack, recipe=recipe, parameters=parameters))
+    known = known_parameters(attack)
     usual = {name: known[name] for name in parameters if not name.startswith(("eps", "ratio"))}
-    build_lidar_attack(AttackSpec(type=word, recipe=recipe, parameters=parameters | usual))
+    build_lidar_attack(AttackSpec(type=attack, recipe=recipe, parameters=parameters | usual))
 
 
 def test_the_query_budget_of_attacks():
-    def queries(word, recipe, **parameters):
-        spec = AttackSpec(type=word, recipe=recipe, parameters=parameters)
+    def queries(attack, recipe, **parameters):
+        spec = AttackSpec(type=attack, recipe=recipe, parameters=parameters)
         return query_budget_of(build_lidar_attack(spec))
 
     assert queries("perturb", "best", eps_cm=1.0) == queries("perturb", "random-best", eps_cm=1.0) == 24
@@ -257,31 +257,31 @@ def test_the_query_budget_of_attacks():
 
 
 @pytest.mark.parametrize(
-    ("word", "line"),
+    ("attack", "line"),
     [
-        ("detatch", r"unknown attack 'detatch'; known: .*detach, .*cam-replay.*, or module:Class"),
+        ("detatch", r"unknown attack 'detatch'; did you mean 'detach'\? \(or module:Class"),
         ("my_own:Missing", "cannot load attack my_own:Missing: "),
         (
             "no_such_module:Mine",
             "cannot load attack no_such_module:Mine: ModuleNotFoundError: No",
         ),
-        ("my_own:number", "my_own:number is no class"),
+        ("my_own:number", "my_own:number is not a class"),
     ],
 )
-def test_unknown_attacks(word, line):
+def test_unknown_attacks(attack, line):
     with pytest.raises(AdvpipeError, match=line) as caught:
-        find_attack(word)
+        find_attack(attack)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("NotCallable", "NotCallable is no whole attack: it lacks __call__; see its base class"),
-        ("NotBegun", "NotBegun is no whole attack: it lacks begin; see its base class"),
-        ("NoTraits", "NoTraits declares no traits of its own, only its parent's; give it some"),
-        ("OtherTraits", "OtherTraits: traits are GnssTraits, no LidarTraits"),
-        ("NoFamily", "NoFamily is no attack of any family; let it inherit from LidarAttack, V2xAttack or"),
+        ("NotCallable", "NotCallable is incomplete: it lacks __call__; see its base class"),
+        ("NotBegun", "NotBegun is incomplete: it lacks begin; see its base class"),
+        ("NoTraits", "NoTraits inherits the traits of its parent; define its own"),
+        ("OtherTraits", "OtherTraits: traits are GnssTraits, not LidarTraits"),
+        ("NoFamily", "NoFamily is not an attack; let it inherit from LidarAttack, V2xAttack or"),
     ],
 )
 def test_what_does_not_declare_itself_is_refused(name, line):
@@ -290,18 +290,18 @@ def test_what_does_not_declare_itself_is_refused(name, line):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("word", ATTACKS)
-def test_every_word_leads_to_an_attack(word):
-    parameters = known_parameters(word)
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_every_name_leads_to_an_attack(attack):
+    parameters = known_parameters(attack)
     assert "context" not in parameters
-    assert source_sha256(find_attack(word)) == ""
+    assert source_sha256(find_attack(attack)) == ""
 
 
-def test_an_attack_of_ones_own_is_told_apart_by_its_file():
+def test_an_attack_of_ones_own_is_distinguished_by_its_file():
     assert len(source_sha256(find_attack("my_own:Mine"))) == 64
 
 
 def test_stopped_vehicles_stand_in_one_direction():
     """`cam-eventual-stop` freezes the heading, so another lie about it contradicts."""
-    for word in ("cam-eventual-stop", "cam-heading-rotating"):
-        assert "heading" in find_attack(word).traits.untrue
+    for attack in ("cam-eventual-stop", "cam-heading-rotating"):
+        assert "heading" in find_attack(attack).traits.untrue

@@ -24,13 +24,13 @@ def test_names_in_the_paper():
     assert papers == {"rba": "gnss-bias", "paa": "gnss-relocate"}
 
 
-def test_each_word_has_a_class():
-    for word in ATTACKS:
-        assert isinstance(find_attack(word), type)
+def test_each_name_has_a_class():
+    for attack in ATTACKS:
+        assert isinstance(find_attack(attack), type)
 
 
 @pytest.mark.parametrize(
-    ("word", "name", "family"),
+    ("attack", "name", "family"),
     [
         ("detach", "detach", "lidar"),
         ("cam-replay", "cam-replay", "v2x"),
@@ -40,8 +40,8 @@ def test_each_word_has_a_class():
         ("PAA", "gnss-relocate", "gnss"),
     ],
 )
-def test_names_and_families(word, name, family):
-    spec = resolved_name(AttackSpec(type=word))
+def test_names_and_families(attack, name, family):
+    spec = resolved_name(AttackSpec(type=attack))
     assert (spec.type, find_attack(spec.type).family) == (name, family)
 
 
@@ -65,8 +65,8 @@ def test_a_class_that_does_not_declare_itself_is_not_registered():
     class Slower(SuddenStop):
         pass
 
-    abstract = "Falsification is no whole attack: it lacks falsify, traits"
-    for kind, line in ((Falsification, abstract), (Slower, "no traits")):
+    abstract = "Falsification is incomplete: it lacks falsify, traits"
+    for kind, line in ((Falsification, abstract), (Slower, "inherits the traits of its parent")):
         registry = FamilyRegistry("v2x", lambda add, kind=kind: add("cam-mine", kind))
         with pytest.raises(AdvpipeError, match=line):
             len(registry)

@@ -1,4 +1,4 @@
-"""What an attack job is called."""
+"""What is asked of the attack stage, and refused."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.run import AttackRequest, attack_id
+from advpipe.stages.attack.run import AttackRequest
 
 DETECTOR = "linear_detector:Shipped"
 
@@ -15,19 +15,6 @@ def request(**changes):
     given = {"type": "detach", "parameters": {"ratio": 0.1}, "detector": DETECTOR, "seed": 3, **changes}
     seed = given.pop("seed")
     return AttackRequest((AttackSpec(**given),), seed)
-
-
-@pytest.mark.parametrize(
-    ("changes", "name"),
-    [
-        ({"parameters": {"ratio": 0.01}}, "detach-best-0.01"),
-        ({"parameters": {"ratio": 0.015}, "recipe": "paper"}, "detach-paper-0.015"),
-        ({"parameters": {"ratio": 0.01, "rounds": 10}}, "detach-best-0.01"),
-        ({"parameters": {"ratio": 0.01, "rounds": 20}}, "detach-best-0.01-rounds20"),
-    ],
-)
-def test_attack_id(changes, name):
-    assert attack_id(request(**changes)) == name
 
 
 @pytest.mark.parametrize("frames", ["5:5", "9:2"])

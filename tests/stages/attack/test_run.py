@@ -286,9 +286,9 @@ def test_existing_output(clean_bag, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"type": "detatch"}, "unknown attack 'detatch'; known: .*detach"),
+        ({"type": "detatch"}, "unknown attack 'detatch'; did you mean 'detach'"),
         ({"recipe": "worst"}, "recipe is 'worst'; known: best, .*paper, random"),
-        ({"parameters": {}}, "ratio is missing; pass --set ratio=VALUE"),
+        ({"parameters": {}}, "ratio is missing; pass ratio"),
         ({"parameters": {"ratio": 2.0}}, "ratio is 2.0"),
         ({"parameters": {"ratio": 0.1, "eps": 0.1}}, "unknown parameter 'eps'; known: ratio, rounds"),
         ({"detector": "large"}, "unknown detector 'large'"),

@@ -9,7 +9,7 @@ from advpipe.stages.attack.lidar.base import unchanged
 from advpipe.stages.attack.summary import MAX_NOTES, AttackSummary
 
 
-def told(notes):
+def printed(notes):
     summary = AttackSummary("bag")
     cloud = cloud_of(np.zeros((2, 3)))
     for note in notes:
@@ -18,11 +18,11 @@ def told(notes):
 
 
 def test_notes_come_with_their_frames():
-    assert told(["b", "a", "b"])[1:] == ["  1 of 3 frames: a", "  2 of 3 frames: b"]
+    assert printed(["b", "a", "b"])[1:] == ["  1 of 3 frames: a", "  2 of 3 frames: b"]
 
 
 def test_a_note_of_its_own_in_every_frame_does_not_fill_the_screen():
-    lines = told([*(f"only {count} points lie near enough" for count in range(50)), "often", "often"])
+    lines = printed([*(f"only {count} points lie near enough" for count in range(50)), "often", "often"])
     assert len(lines) == 1 + MAX_NOTES + 1
     assert "  2 of 52 frames: often" in lines
     assert lines[-1] == f"  {52 - 2 - (MAX_NOTES - 1)} of 52 frames: others, see frames.parquet"

@@ -222,8 +222,11 @@ def test_every_average_precision_agrees_with_brute_force(report):
 @pytest.mark.oracle
 def test_rows_say_what_was_matched(report):
     rows = rows_of(report)
-    fates = {"detection": {"found", "false positive", "ignored"}, "truth": {"found", "missed", "ignored"}}
-    for kind, expected in fates.items():
+    outcomes_by_kind = {
+        "detection": {"found", "false positive", "ignored"},
+        "truth": {"found", "missed", "ignored"},
+    }
+    for kind, expected in outcomes_by_kind.items():
         assert {r["fate_strict"] for r in rows if r["kind"] == kind} == expected
     by_place = {(r["frame"], r["kind"], r["number"]): r for r in rows}
     for row, is_evaluated in zip(rows, evaluated_truth(rows), strict=True):

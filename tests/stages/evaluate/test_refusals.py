@@ -44,7 +44,7 @@ class Careless:
         ({"labels": np.ones(1, np.int64)}, "labels beyond its 1 classes"),
     ],
 )
-def test_a_detector_that_errs_is_told_how(monkeypatch, wrong, message):
+def test_how_a_detector_errs_is_reported(monkeypatch, wrong, message):
     for name, value in wrong.items():
         monkeypatch.setattr(Careless, name, value)
     with pytest.raises(AdvpipeError, match=f"Careless.detect gave .*{message}"):
@@ -52,15 +52,15 @@ def test_a_detector_that_errs_is_told_how(monkeypatch, wrong, message):
 
 
 @pytest.mark.parametrize("mistake", [ZeroDivisionError("by\nzero"), SystemExit(0)])
-def test_a_detector_that_breaks_down_is_told_where(monkeypatch, mistake):
+def test_where_a_detector_breaks_down_is_reported(monkeypatch, mistake):
     def detect(self, cloud):
         raise mistake
 
     monkeypatch.setattr(Careless, "detect", detect)
     line = r"test_refusals:Careless failed: .* \(test_refusals.py, line "
-    with pytest.raises(AdvpipeError, match=line) as told:
+    with pytest.raises(AdvpipeError, match=line) as stated:
         CachedDetector(Careless()).detect(clean_cloud(0))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(stated.value)
 
 
 def test_bag_without_clouds_is_refused(tmp_path):
@@ -86,7 +86,7 @@ def test_adversarial_bag_of_another_parent_is_refused(clean, attacked, tmp_path)
 
 def test_adversarial_bag_of_a_drive_that_was_recorded_anew_is_refused(clean, attacked, tmp_path):
     old = attacked(hide_first_car, frames=range(2), parent_sha256="0" * 64)
-    refused(tmp_path, "attack again with --overwrite or remove that folder", clean, [old])
+    refused(tmp_path, "attack again with overwrite=True or remove that folder", clean, [old])
 
 
 def test_adversarial_bag_in_place_of_the_clean_one_is_refused(attacked, tmp_path):

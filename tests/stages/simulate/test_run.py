@@ -139,7 +139,7 @@ def test_an_existing_output_is_not_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "mine"
     out.mkdir()
     (out / "precious.txt").write_text("keep")
-    with pytest.raises(AdvpipeError, match="mine already exists; pass --overwrite"):
+    with pytest.raises(AdvpipeError, match="mine already exists; pass overwrite=True"):
         simulate(load_scenario("smoke"), out)
     simulate(load_scenario("smoke", ["simulation.duration_s=0.2"]), out, overwrite=True)
     assert (out / "precious.txt").read_text() == "keep"

@@ -290,7 +290,7 @@ def test_a_second_run_in_the_same_folder_is_refused(drive, tiny, tmp_path, monke
 @pytest.mark.parametrize("rate", [1e30, 1e6])
 def test_a_run_that_diverges_in_its_first_step_leaves_nothing(drive, tiny, tmp_path, rate):
     for steps in (1, 4):
-        with pytest.raises(AdvpipeError, match=r"not finite at step [1-4], .*lower --learning-rate"):
+        with pytest.raises(AdvpipeError, match=r"not finite at step [1-4], .*lower learning_rate"):
             run.train(configured(drive, tmp_path / "new" / "run", learning_rate=rate, steps=steps))
         assert not (tmp_path / "new").exists()
     run.train(configured(drive, tmp_path / "new" / "run", steps=1))

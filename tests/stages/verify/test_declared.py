@@ -203,14 +203,14 @@ def test_a_fix_beyond_its_bounds_is_a_fault(data_set: Path, rewrite: Rewrite) ->
     covariance_m2 = next(iter(BagReader(data_set / "clean").messages(topic.name)))[1].position_covariance
     up_m = row["offset_up_m"] + 90.0
     offset_m = np.array([row["offset_east_m"], row["offset_north_m"], up_m])
-    told = {
+    stated = {
         "false_altitude_m": row["false_altitude_m"] + 90.0,
         "offset_up_m": up_m,
         "squared_sigmas": squared_sigmas(offset_m, np.array(covariance_m2).reshape(3, 3)),
         "mattered": True,
     }
     rewrite(bag, higher)
-    for name, value in told.items():
+    for name, value in stated.items():
         at = table.column_names.index(name)
         values = [value, *table[name].to_pylist()[1:]]
         table = table.set_column(at, table.schema.field(at), pa.array(values, table.schema.field(at).type))

@@ -26,10 +26,10 @@ for name in sys.argv[2:]:
 NAMES = ("clean/clean_0.mcap", "clean/metadata.yaml", "detach/labels.parquet", "gnss", "scenario.yaml")
 
 
-def as_a_user(*words: str | Path) -> subprocess.CompletedProcess[str]:
+def as_a_user(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Root reads everything: it gives that right away first."""
     mighty = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
-    return subprocess.run([*mighty, sys.executable, *words], capture_output=True, text=True, check=False)
+    return subprocess.run([*mighty, sys.executable, *arguments], capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize("is_listed", [True, False])

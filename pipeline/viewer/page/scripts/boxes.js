@@ -41,7 +41,7 @@ class BoxView {
     });
     for (const boxes of sets.values()) {
       const [{ role, fate, condition }] = boxes;
-      const [colour, width, dashed] = BOX_STYLES[`${role}/${fate}`] || BOX_STYLES["truth/found"];
+      const [colour, width, dashed] = BOX_STYLES[`${role}/${fate}`];
       this.sets.push({ role, fate, condition, lines: this.add(this.group, boxes, colour, width, dashed) });
       // On the clean cloud, an object that the attack hides is one like any other.
       if (scene.is_attacked && (fate === "lost" || fate === "displaced"))
@@ -82,12 +82,13 @@ class BoxView {
     clearLines(this.selection);
     if (number === null) return;
     const box = this.scene.boxes[number];
-    const outline = this.add(this.selection, [box], "ink", 3.5, false);
+    const [colour] = BOX_STYLES[`${box.role}/${box.fate}`];
+    const outline = this.add(this.selection, [box], colour, 4, false);
     outline.material.depthTest = false; // it is seen through everything
     outline.renderOrder = 3;
     const fill = targetOf(box, number);
     fill.material = new THREE.MeshBasicMaterial({
-      color: colourOf(this.root, "ink"), transparent: true, opacity: 0.1, depthWrite: false,
+      color: colourOf(this.root, colour), transparent: true, opacity: 0.15, depthWrite: false,
     });
     this.selection.add(fill);
   }

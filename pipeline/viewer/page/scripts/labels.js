@@ -8,12 +8,10 @@ class Labels {
     this.placed = [];
   }
 
-  // boxes: [number, box] of those to name; radii: of the rings.
+  // boxes: [number, box] of those to name, the most important first; radii: of the rings.
   show(boxes, radii, ground_z_m) {
     this.box.replaceChildren();
     this.placed = [];
-    for (const radius of radii)
-      this.add(element("span", "adv-ring", `${radius} m`), [0, -radius, ground_z_m]);
     for (const [number, { fate, box }] of boxes) {
       const button = element("button", `adv-label adv-${fate}`, fate);
       button.type = "button";
@@ -21,22 +19,32 @@ class Labels {
       button.addEventListener("click", () => this.onPick(number));
       this.add(button, ...cornersAbove(box));
     }
+    for (const radius of radii)
+      this.add(element("span", "adv-ring", `${radius} m`), [0, -radius, ground_z_m]);
+    for (const one of this.placed) Object.assign(one, { width: one.label.offsetWidth, height: one.label.offsetHeight });
     this.place();
   }
 
   // places: what the label stands above.
   add(label, ...places) {
     this.box.append(label);
-    this.placed.push([label, places]);
+    this.placed.push({ label, places });
   }
 
+  // A label that would lie on a more important one is left out.
   place() {
-    for (const [label, places] of this.placed) {
+    const taken = [];
+    for (const { label, places, width, height } of this.placed) {
       const pixels = places.map((place) => this.stage.pixel(...place)).filter(Boolean);
-      label.hidden = pixels.length === 0;
       const x = sum(pixels.map(([across]) => across)) / pixels.length;
       const y = Math.min(...pixels.map(([, down]) => down)) - 2;
-      if (pixels.length) label.style.transform = `translate(-50%, -100%) translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+      const isFree = taken.every(([left, low, wide, high]) =>
+        Math.abs(x - left) > (width + wide) / 2 || y - height > low || y < low - high);
+      const isShown = pixels.length > 0 && isFree;
+      label.style.visibility = isShown ? "" : "hidden";
+      if (!isShown) continue;
+      taken.push([x, y, width, height]);
+      label.style.transform = `translate(-50%, -100%) translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
     }
   }
 }

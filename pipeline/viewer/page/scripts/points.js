@@ -140,7 +140,8 @@ class CloudView {
   resize(scene, scale) {
     const [kept, ...touched] = scene.points.counts;
     this.kept.uniforms.pixels.value = (kept > 40_000 ? 1.7 : 2.4) * scale;
-    this.touched.uniforms.pixels.value = (sum(touched) > 5_000 ? 7 : sum(touched) > 1_000 ? 10 : 15) * scale;
+    const sizes = [[5_000, 7], [1_000, 9], [200, 11], [-1, 15]];
+    this.touched.uniforms.pixels.value = sizes.find(([many]) => sum(touched) > many)[1] * scale;
   }
 
   clear() {

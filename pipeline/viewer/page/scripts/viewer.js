@@ -84,6 +84,8 @@ class Viewer {
     const named = [...this.scene.boxes.entries()].filter(
       ([number, { fate }]) => number === this.selected ||
         (shown("truth") && progress >= 0.5 && (fate === "lost" || fate === "displaced")));
+    const rank = ([number, { fate }]) => (number === this.selected ? 0 : fate === "lost" ? 1 : 2);
+    named.sort((a, b) => rank(a) - rank(b)); // else the nearest first, as they come
     this.labels.show(named.filter(([, box]) => FATES[box.fate]), RINGS_M, this.scene.ground_z_m);
     this.one("stretched").hidden = this.stretch === 1 || !this.scene.points.counts[MOVED];
     this.one("stretched").textContent = `displacements × ${this.stretch}`;

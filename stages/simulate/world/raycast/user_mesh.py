@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.simulate.mesh_file import read_mesh_file
 from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
@@ -18,7 +19,7 @@ def load_mesh(path: str, key: str, material: str, scale: float) -> Mesh:
     impossible size.
     """
     if material not in MATERIAL_ID:
-        known = ", ".join(sorted(MATERIAL_ID))
-        raise AdvpipeError(f"{key}.material: {material!r} is not a known material; known: {known}")
+        known = known_names(material, sorted(MATERIAL_ID))
+        raise AdvpipeError(f"{key}.material: {material!r} is not a known material; {known}")
     vertices_m, triangles = read_mesh_file(path, key, scale)
     return Mesh(vertices_m, triangles, np.full(len(triangles), MATERIAL_ID[material], np.uint8))

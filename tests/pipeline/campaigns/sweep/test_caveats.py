@@ -29,9 +29,9 @@ def paper(weight, rms_m=0.0022262942):
 
 
 def test_recipe_paper_is_said_to_hold_its_points():
-    (told,) = [text for text in sweep_caveats([paper(0.01)]) if text.startswith("paper-perturb-10:")]
-    assert "λ = 0.01" in told
-    assert "to 2.2 mm (RMS) of the 100 mm allowed" in told
+    (stated,) = [text for text in sweep_caveats([paper(0.01)]) if text.startswith("paper-perturb-10:")]
+    assert "λ = 0.01" in stated
+    assert "to 2.2 mm (RMS) of the 100 mm allowed" in stated
     for other in (paper(0.0, 0.0867), cell("perturb-10", 40.0)):
         assert not [text for text in sweep_caveats([other]) if "λ" in text]
 
@@ -56,8 +56,8 @@ def test_lost_has_an_overlap_and_its_scores():
     cells = [cell("detach-1", 50.0), cell("perturb-10", 40.0)]
     row = cells[1].row
     cells[1] = replace(cells[1], row=replace(row, counts=replace(row.counts, working_score=0.3)))
-    (told,) = [text for text in sweep_caveats(cells) if text.startswith("Lost objects")]
-    assert "at loose overlap, with a score of at least 0.25 or 0.30" in told
+    (stated,) = [text for text in sweep_caveats(cells) if text.startswith("Lost objects")]
+    assert "at loose overlap, with a score of at least 0.25 or 0.30" in stated
 
 
 @pytest.mark.parametrize("name", ["town06", "town06-budgets"])

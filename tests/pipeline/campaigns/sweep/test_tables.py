@@ -167,9 +167,9 @@ def test_unknown_variants_are_named():
         AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: hide, half, twice"
     ):
         split_recipe("best+thrice")
-    for word in ("best+twice+hide", "best+hide+twice+hide"):
+    for recipe in ("best+twice+hide", "best+hide+twice+hide"):
         with pytest.raises(AdvpipeError, match=r"is spelt best\+hide\+twice"):
-            split_recipe(word)
+            split_recipe(recipe)
     with pytest.raises(AdvpipeError, match=r"two numbers of steps; take one of half, twice"):
         split_recipe("best+half+twice")
 

@@ -232,12 +232,12 @@ def test_files_that_are_no_checkpoint_are_refused(tmp_path, checkpoint):
 def test_the_command_refuses_before_reading_the_file(tmp_path, checkpoint):
     out = tmp_path / "out.safetensors"
     out.write_bytes(b"mine")
-    for words, message in [
+    for arguments, message in [
         ([str(checkpoint), "--out", str(out)], "already exists"),
         ([str(checkpoint), "--out", str(tmp_path / "out.pth")], "must end in .safetensors"),
         ([str(tmp_path / "none"), "--out", str(tmp_path / "x.safetensors")], "no OpenPCDet checkpoint at"),
     ]:
-        done = CliRunner().invoke(app, ["import-weights", *words])
+        done = CliRunner().invoke(app, ["import-weights", *arguments])
         assert done.exit_code == 2
         assert message in done.output
     assert out.read_bytes() == b"mine"

@@ -97,9 +97,9 @@ def test_the_payload_states_the_states_time_and_path(car: Car) -> None:
     latest = [cam for cam in sent.values() if cam.cam.low_frequency is not None][-1].cam
     assert latest.low_frequency is not None
     assert latest.latitude_deg is not None
-    told_m = [(p.delta_latitude_deg or 0) / DEGREES_PER_M for p in latest.low_frequency.path_history]
-    assert sum(told_m) == pytest.approx(-((latest.latitude_deg - 48) / DEGREES_PER_M - 3), abs=0.1)
-    assert len(told_m) > 3
+    stated_m = [(p.delta_latitude_deg or 0) / DEGREES_PER_M for p in latest.low_frequency.path_history]
+    assert sum(stated_m) == pytest.approx(-((latest.latitude_deg - 48) / DEGREES_PER_M - 3), abs=0.1)
+    assert len(stated_m) > 3
 
 
 def test_check_phases_differ_and_are_reproducible() -> None:

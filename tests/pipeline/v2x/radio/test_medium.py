@@ -138,13 +138,13 @@ def test_an_unchanged_message_has_the_same_outcome() -> None:
     """Half of the messages are removed, which delays no other message: all other outcomes stay the same."""
     stations, sent = random_drive()
     alone = Radio(interference=False, carrier_sense_dbm=-30)
-    all_fates = Medium(alone, seed=1).advance(400 * MS, stations, sent).outcomes
+    all_outcomes = Medium(alone, seed=1).advance(400 * MS, stations, sent).outcomes
     kept = sent.senders % 2 == 0  # all or none of a station's, as it can only send one at a time
     outcomes = Medium(alone, seed=1).advance(400 * MS, stations, subset(sent, kept)).outcomes
-    rows = np.isin(all_fates.messages, outcomes.messages)
-    is_sending = all_fates.outcome[rows] == Outcome.SENDING
-    np.testing.assert_array_equal(all_fates.outcome[rows][~is_sending], outcomes.outcome[~is_sending])
-    np.testing.assert_array_equal(all_fates.power_dbm[rows], outcomes.power_dbm)
+    rows = np.isin(all_outcomes.messages, outcomes.messages)
+    is_sending = all_outcomes.outcome[rows] == Outcome.SENDING
+    np.testing.assert_array_equal(all_outcomes.outcome[rows][~is_sending], outcomes.outcome[~is_sending])
+    np.testing.assert_array_equal(all_outcomes.power_dbm[rows], outcomes.power_dbm)
     assert 0 < rows.mean() < 1
 
 

@@ -45,7 +45,7 @@ def biased(drive: BagReader):
     return made, list(made.messages())
 
 
-def test_without_a_lie_every_byte_stays(drive):
+def test_without_a_false_fix_every_byte_stays(drive):
     made = change(drive, {"type": "gnss-drift", "parameters": {"rate_mps": 0}}, {**JAM, "victim": "other"})
     assert made.topics == {*(f"/{v}/{t}" for v in ("ego", "other") for t in ("gnss/fix", "odometry")), "/tf"}
     new = list(made.messages())
@@ -80,7 +80,7 @@ def test_the_fix_is_off_by_the_bias_and_keeps_its_claims(drive, biased):
         assert np.array_equal(fix.position_covariance, old.position_covariance)
 
 
-def test_odometry_and_tf_follow_from_the_first_lie_on(drive, biased):
+def test_odometry_and_tf_follow_from_the_first_false_fix_on(drive, biased):
     _, new = biased
     before = round(10 * FROM_S)
     old_odometry = cdrs(drive.raw_messages(), EGO.odometry.name)

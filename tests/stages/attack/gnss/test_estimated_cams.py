@@ -34,7 +34,7 @@ def edited(reader: BagReader, **spec) -> list[tuple]:
     return pairs
 
 
-def test_without_a_lie_they_come_out_to_the_bit(drive):
+def test_without_a_false_fix_they_come_out_to_the_bit(drive):
     """Filled anew from the first step on, path history included, and yet the bytes of the simulator."""
     pairs = edited(drive, type="gnss-drift", parameters={"rate_mps": 0}, victim="ego")
     own = [decode_cam(old.payload) for old, _, vehicle, _ in pairs if vehicle == "ego"]

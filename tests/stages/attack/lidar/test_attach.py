@@ -59,7 +59,7 @@ def test_exactly_the_points_within_eps(make_cloud, make_boxes, make_detector, re
     assert np.isin(added["intensity"], cloud["intensity"]).all()
 
 
-def test_each_recipe_beats_chance(make_cloud, make_boxes, make_detector):
+def test_each_recipe_is_stronger_than_a_random_one(make_cloud, make_boxes, make_detector):
     scene = scene_of(make_cloud, make_boxes, make_detector)
     after = {name: Attach(eps_m=0.5, points=20, recipe=name)(*scene, rng()).loss_after for name in RECIPES}
     for name in ("best", "robust"):
@@ -102,7 +102,7 @@ def test_robust_stays_clear_of_the_faces(make_cloud, make_boxes, make_detector):
     assert (np.minimum(inside, 1 - inside) > 0.0249).all()
 
 
-def test_ghost_appears(make_cloud, make_boxes):
+def test_ghost_object_appears(make_cloud, make_boxes):
     """A box that scores where voxels of weight 0.2 fill, in a cloud of the ground alone."""
     ground = make_cloud([[x + 0.5, y + 0.5, 0.9] for x in range(10) for y in range(10)])
     box = [5.0, 5.0, 0.9 + 1.55 / 2, 4.5, 1.85, 1.55, 0.0]  # where Ghost puts a car on this ground
@@ -125,13 +125,13 @@ def test_ghost_appears(make_cloud, make_boxes):
         ("cyclist:5:5", "the detector finds no cyclist; it finds car"),
     ],
 )
-def test_a_ghost_that_no_detector_finds_is_refused(make_cloud, make_boxes, make_detector, ghost, line):
+def test_a_ghost_object_that_no_detector_finds_is_refused(make_cloud, make_boxes, make_detector, ghost, line):
     cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
     with pytest.raises(AdvpipeError, match=line):
         Attach(eps_m=0.5, ghost=ghost)(cloud, boxes, detector, rng())
 
 
-def test_objects_that_are_not_there_are_told(make_cloud, make_boxes, make_detector):
+def test_objects_that_are_not_there_are_reported(make_cloud, make_boxes, make_detector):
     cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
     some = Attach(eps_m=0.5, points=12, objects=("car0", "bus7"))(cloud, boxes, detector, rng())
     assert some.note == "not in the ground truth: bus7; " + NO_GRADIENT  # of a truth without any object

@@ -55,7 +55,7 @@ def test_objects_by_id_or_where_there_are_none_by_place(make_boxes):
     assert len(Constraints(objects=("elsewhere",)).attacked(boxes, points)) == 0
 
 
-def test_ghost_stands_on_the_ground():
+def test_ghost_object_stands_on_the_ground():
     ground = np.float32([[x, y, -1.8] for x in range(5, 15) for y in range(-5, 5)])
     ghost = GhostObject("car", 10.0, 0.0, 0.5).boxes(ground)
     assert ghost.geometry[0].tolist() == pytest.approx([10, 0, -1.8 + 1.55 / 2, 4.5, 1.85, 1.55, 0.5])

@@ -56,7 +56,7 @@ def random_scene(make_cloud, make_boxes, make_detector, points=2000):
     return cloud, make_boxes(box), make_detector(draw.uniform(0.1, 1, (10, 10, 10)), [box])
 
 
-def test_each_recipe_beats_chance_with_the_same_count(make_cloud, make_boxes, make_detector):
+def test_each_recipe_is_stronger_than_a_random_one_with_the_same_count(make_cloud, make_boxes, make_detector):
     scene = random_scene(make_cloud, make_boxes, make_detector)
     after = {name: Detach(ratio=0.02, recipe=name)(*scene, rng()).loss_after for name in RECIPES}
     for name in ("best", "robust", "paper"):

@@ -71,7 +71,7 @@ def test_one_object_is_hidden_and_the_others_left_alone(make_cloud, make_boxes):
     assert "no object" in Perturb(eps_cm=60, objects=("bus7",))(cloud, boxes, detector, rng()).note
 
 
-def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_detector):
+def test_a_ghost_object_is_created_from_points_nearby(make_cloud, make_boxes, make_detector):
     # Fifty points just below the voxels of a car that is not there.
     draw = np.random.default_rng(2)
     cloud = make_cloud(np.column_stack([draw.uniform(3, 7, (50, 2)), np.full(50, 0.97)]))
@@ -83,7 +83,7 @@ def test_a_ghost_is_conjured_from_points_about(make_cloud, make_boxes, make_dete
     assert result.loss_after < result.loss_before
 
 
-def test_every_other_gradient_is_that_of_a_lie(scene, monkeypatch):
+def test_every_other_gradient_is_that_of_a_false_loss(scene, monkeypatch):
     loss_targets, ask = [], LinearVoxelDetector.occupancy_loss
 
     def watched(self, points, boxes, labels, probes=None):
@@ -112,7 +112,7 @@ def test_hiding_asks_for_no_box_at_all(make_boxes, make_detector):
     cloud = np.zeros(50, POINT_DTYPE)
     for name in "xyz":
         cloud[name] = np.linspace(2, 7, 50)
-    goals = {word: goal_of(Constraints(goal=word), detector, cloud, boxes) for word in GOALS}
+    goals = {name: goal_of(Constraints(goal=name), detector, cloud, boxes) for name in GOALS}
     seen = Detections(np.array([off]), np.array([0.8]), np.zeros(1, np.int64))  # an IoU of 5.1 / 6.9 = 0.74
     far = Detections(np.array([[5.5, *off[1:]]]), np.array([0.8]), np.zeros(1, np.int64))  # 4.5 / 7.5 = 0.6
     none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))

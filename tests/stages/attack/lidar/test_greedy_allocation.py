@@ -53,7 +53,7 @@ class Wall:
         return values >= 1
 
 
-def test_climb_takes_the_objects_that_fall_to_the_fewest_items():
+def test_greedy_allocation_takes_the_objects_that_fall_to_the_fewest_items():
     chosen, reserve = greedy_allocation(Wall([9, 2, 1, 3]), 7, 10)
     of = np.bincount(chosen // 10, minlength=4).tolist()
     assert of == [1, 2, 1, 3]  # one is left over, and scratches object 0

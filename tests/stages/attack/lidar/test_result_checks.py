@@ -31,12 +31,12 @@ def test_right_ones_pass(clean):
     refuse_invalid("mine:Mine", clean, LidarResult(clean, labels((), ())))
 
 
-def test_changes_that_no_label_tells(clean):
+def test_changes_that_no_label_states(clean):
     moved, turned = clean.copy(), clean[::-1].copy()
     moved["z"][4] += 0.1
     moved["z"][5] = clean["z"][5] = np.nan  # is what it was
     refuse_invalid("mine:Mine", clean, LidarResult(moved, labels((4,), ("moved",), np.array([0.1]))))
-    line = "changed points that its labels do not tell of"
+    line = "changed points without labels"
     refused(clean, LidarResult(moved, labels((), ())), line)
     refused(clean, LidarResult(moved, labels((3,), ("moved",), np.array([0.1]))), line)
     refused(clean, LidarResult(turned, labels((), ())), line)
@@ -46,8 +46,8 @@ def test_changes_that_no_label_tells(clean):
 
 
 WRONG_LABELS = [
-    (None, "returned NoneType as its labels, no PointLabels"),
-    ([2, 3], "returned list as its labels, no PointLabels"),
+    (None, "returned NoneType as its labels, not PointLabels"),
+    ([2, 3], "returned list as its labels, not PointLabels"),
     (PointLabels(np.array([2.0, 3.0]), np.array(["moved"] * 2), np.zeros(2)),
      r"returned an array \(2,\) of float64 as labels.point"),
     (PointLabels([2, 3], np.array(["moved"] * 2), np.zeros(2)), "returned list as labels.point"),
@@ -69,13 +69,15 @@ def test_wrong_labels(clean, wrong, line):
 
 def test_wrong_clouds_and_figures(clean):
     nothing, points = labels((), ()), np.zeros((10, 4), np.float32)
-    refused(clean, (clean, nothing), "returned tuple, no LidarResult")
-    refused(clean, None, "returned NoneType, no LidarResult")
-    refused(clean, LidarResult(None, nothing), "returned NoneType as its cloud, no points")
+    refused(clean, (clean, nothing), "returned tuple, not a LidarResult")
+    refused(clean, None, "returned NoneType, not a LidarResult")
+    refused(clean, LidarResult(None, nothing), "returned NoneType as its cloud, not points")
     refused(clean, LidarResult(points, nothing), r"returned an array \(10, 4\) of float32 as its cloud")
     refused(clean, LidarResult(clean[:, None], nothing), r"returned an array \(10, 1\) of .* as its cloud")
-    refused(clean, LidarResult(clean, nothing, loss_after=None), "returned None as its loss_after, no number")
-    refused(clean, LidarResult(clean, nothing, note=None), "returned None as its note, no text")
+    refused(
+        clean, LidarResult(clean, nothing, loss_after=None), "returned None as its loss_after, not a number"
+    )
+    refused(clean, LidarResult(clean, nothing, note=None), "returned None as its note, not text")
 
 
 def refused(clean, result, line):

@@ -72,9 +72,9 @@ def write(
             bag.write(EGO.objects, build.detections_message(stamp_ns, "map", car), stamp_ns)
             for one in vehicles:
                 pose, map_m = seen[one]
-                told = pose.copy()
-                told[:2, 3] += shift_m if one is OTHER and is_false else (0.0, 0.0)
-                for topic, place in ((one.true_odometry, pose), (one.odometry, told)):
+                reported = pose.copy()
+                reported[:2, 3] += shift_m if one is OTHER and is_false else (0.0, 0.0)
+                for topic, place in ((one.true_odometry, pose), (one.odometry, reported)):
                     odometry = build.odometry(
                         stamp_ns, place, np.zeros(3), np.zeros(3), child_frame_id=one.base_frame
                     )
@@ -130,11 +130,11 @@ def test_the_others_sensor_in_the_own_frame(tmp_path: Path) -> None:
     reader = BagReader(write(tmp_path / "bag", (2.0, 7.0)))
     pair = find_pair(reader)
     assert (pair.own, pair.other) == (EGO, OTHER)
-    true, told = Alignment(reader, pair, true=True), Alignment(reader, pair)
+    true, reported = Alignment(reader, pair, true=True), Alignment(reader, pair)
     assert np.allclose(true.at(STAMPS_NS[0]), se3_from_yaw([55, 0, 0], np.pi))
-    assert np.allclose(told.at(STAMPS_NS[0])[:3, 3], [57, 7, 0])
+    assert np.allclose(reported.at(STAMPS_NS[0])[:3, 3], [57, 7, 0])
     with pytest.raises(AdvpipeError, match="reports no pose at 5 ns"):
-        told.at(5)
+        reported.at(5)
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, 0.01, 30.0, 90.0, 180.0])
@@ -205,7 +205,7 @@ def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) ->
     clean = write(tmp_path / "clean")
     attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
     (section,) = cooperative_sections(clean, [attacked], 0, "there is none", frames=FrameSlice(0, 1))
-    expected = "No poses are false at the frames 0:1:1: nothing was fused. Choose later or more frames."
+    expected = "No pose is false in the frames 0:1:1, so nothing was fused. Choose later or more frames."
     assert section.lead == expected
     assert not section.records
     with pytest.raises(AdvpipeError, match="select none of the bag's 3 frames"):

@@ -37,9 +37,9 @@ def clean(scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def off_m(clean: Path, bag: Path, from_s: float, to_s: float) -> np.ndarray:
     """How far a bag's poses misplace the other's sensor, at each stamp of a span."""
-    reader, told = BagReader(clean), BagReader(bag)
+    reader, attacked = BagReader(clean), BagReader(bag)
     pair = find_pair(reader)
-    true, reported = Alignment(reader, pair, true=True), Alignment(told, pair)
+    true, reported = Alignment(reader, pair, true=True), Alignment(attacked, pair)
     stamps_ns = np.array(reader.log_times_ns(pair.own.odometry.name))
     elapsed_s = (stamps_ns - stamps_ns[0]) / 1e9
     inside = stamps_ns[(elapsed_s >= from_s) & (elapsed_s < to_s)]

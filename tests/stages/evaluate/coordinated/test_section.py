@@ -40,25 +40,25 @@ def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def struck(smoke: Path) -> Path:
+def attacked_bag(smoke: Path) -> Path:
     out = smoke.parent / "three"
     attack(smoke, out, AttackRequest((JAM, HIDE, GPS), 7))
     return out
 
 
 @pytest.fixture(scope="module")
-def found(smoke: Path, struck: Path) -> ReportSection:
-    (one,) = coordinated_sections(smoke, [struck], 0)
+def found(smoke: Path, attacked_bag: Path) -> ReportSection:
+    (one,) = coordinated_sections(smoke, [attacked_bag], 0)
     return one
 
 
-def test_all_that_strikes_one_vehicle_is_in_one_table(found: ReportSection, struck: Path) -> None:
+def test_all_attacks_on_one_vehicle_are_in_one_table(found: ReportSection, attacked_bag: Path) -> None:
     """Ten fixes and two of the six clouds that the bag holds: those of 1.0 and 1.5 s."""
     when, means = found.tables
     assert [line[:3] for line in when.lines] == [
-        ("three", "ego", word) for word in ("gnss-relocate", "cam-sybil-congestion", "detach")
+        ("three", "ego", attack) for attack in ("gnss-relocate", "cam-sybil-congestion", "detach")
     ]
-    sent = pq.read_table(struck / "v2x_labels.parquet").to_pylist()
+    sent = pq.read_table(attacked_bag / "v2x_labels.parquet").to_pylist()
     ghosts = [row for row in sent if row["attack"] == "cam-sybil-congestion"]
     assert [line[3] for line in when.lines] == ["10 fixes", f"{len(ghosts)} messages", "2 clouds"]
     assert [line[4:] for line in when.lines][::2] == [("1.0", "1.9"), ("1.0", "1.5")]
@@ -72,7 +72,7 @@ def test_all_that_strikes_one_vehicle_is_in_one_table(found: ReportSection, stru
     ]
 
 
-def test_the_means_are_those_of_the_common_time(found: ReportSection, struck: Path) -> None:
+def test_the_means_are_those_of_the_common_time(found: ReportSection, attacked_bag: Path) -> None:
     """Pulled towards a place 80 m away; up to six ghosts in its map; a twentieth of each cloud is gone."""
     (record,) = rows_of(found)
     assert record["attacks"] == {
@@ -85,14 +85,14 @@ def test_the_means_are_those_of_the_common_time(found: ReportSection, struck: Pa
     assert record["own_place_m_clean"] < 6
     assert 10 < record["own_place_m"] < 81
     assert 2 < record["map_wrong"] - record["map_wrong_clean"] <= 6
-    frames = pq.read_table(struck / "frames.parquet").to_pylist()
+    frames = pq.read_table(attacked_bag / "frames.parquet").to_pylist()
     gone = [row["points_clean"] - row["points_adversarial"] for row in frames]
     assert [bool(count) for count in gone] == [False, False, True, True, False, False]
     assert (record["points_touched_clean"], record["points_touched"]) == (0, gone[3])  # 1.5 s alone
 
 
-def test_the_picture_is_the_same_again(found: ReportSection, smoke: Path, struck: Path) -> None:
-    (again,) = coordinated_sections(smoke, [struck], 1)
+def test_the_picture_is_the_same_again(found: ReportSection, smoke: Path, attacked_bag: Path) -> None:
+    (again,) = coordinated_sections(smoke, [attacked_bag], 1)
     (picture,) = found.pictures
     assert picture.section == SECTION
     assert picture.file_name == "three-ego-coordinated.png"
@@ -119,14 +119,14 @@ def test_one_after_the_other_is_said(smoke: Path, tmp_path: Path) -> None:
     assert "own_place_m" not in record
 
 
-def test_a_window_counts_the_strikes_and_effects_in_it(
-    smoke: Path, struck: Path, found: ReportSection
+def test_a_window_counts_the_attacks_and_effects_in_it(
+    smoke: Path, attacked_bag: Path, found: ReportSection
 ) -> None:
     """From 1.2 to 1.7 s: five fixes, the cloud of 1.5 s alone; means of the time that they share in it."""
     begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
     window = Window(begin_ns + 1_200_000_000, begin_ns + 1_700_000_000)
-    (part,) = coordinated_sections(smoke, [struck], window=window)
-    sent = pq.read_table(struck / "v2x_labels.parquet").to_pylist()
+    (part,) = coordinated_sections(smoke, [attacked_bag], window=window)
+    sent = pq.read_table(attacked_bag / "v2x_labels.parquet").to_pylist()
     inside = sum(
         window.begin_ns <= row["time_ns"] < window.end_ns
         for row in sent
@@ -136,28 +136,28 @@ def test_a_window_counts_the_strikes_and_effects_in_it(
     (record,), (whole,) = rows_of(part), rows_of(found)
     assert (record["from_s"], record["to_s"]) == (1.5, 1.5)
     assert record["points_touched"] == whole["points_touched"]
-    (everything,) = coordinated_sections(smoke, [struck], window=Window(begin_ns, begin_ns + 10**10))
+    (everything,) = coordinated_sections(smoke, [attacked_bag], window=Window(begin_ns, begin_ns + 10**10))
     np.testing.assert_equal(everything, found)
 
 
-def test_a_window_before_it_names_the_bag_alone(smoke: Path, struck: Path) -> None:
+def test_a_window_before_it_names_the_bag_alone(smoke: Path, attacked_bag: Path) -> None:
     begin_ns = int(BagReader(smoke).log_times_ns("/ego/odometry")[0])
-    (early,) = coordinated_sections(smoke, [struck], window=Window(begin_ns, begin_ns + 900_000_000))
+    (early,) = coordinated_sections(smoke, [attacked_bag], window=Window(begin_ns, begin_ns + 900_000_000))
     assert early.lead == "three: no vehicle is attacked in two ways in this window."
     assert (early.tables, early.records, early.pictures) == ((), (), ())
 
 
 def test_together() -> None:
-    def strikes(*times_ns: int) -> AttackTimeline:
-        return AttackTimeline("ego", ("word",), "fixes", np.array(times_ns))
+    def timeline(*times_ns: int) -> AttackTimeline:
+        return AttackTimeline("ego", ("attack",), "fixes", np.array(times_ns))
 
-    assert together([strikes(1, 9), strikes(4, 12), strikes(3, 7)]) == (4, 7)
-    assert together([strikes(1, 4), strikes(4)]) == (4, 4)
-    assert together([strikes(1, 3), strikes(4, 5)]) is None
+    assert together([timeline(1, 9), timeline(4, 12), timeline(3, 7)]) == (4, 7)
+    assert together([timeline(1, 4), timeline(4)]) == (4, 4)
+    assert together([timeline(1, 3), timeline(4, 5)]) is None
 
 
-def test_labels_that_are_none(smoke: Path, struck: Path, tmp_path: Path) -> None:
-    for file in struck.iterdir():
+def test_labels_that_are_none(smoke: Path, attacked_bag: Path, tmp_path: Path) -> None:
+    for file in attacked_bag.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
     (tmp_path / "frames.parquet").write_text("no labels")
     with pytest.raises(AdvpipeError, match=r"frames.parquet holds no cloud labels: .*; attack again"):

@@ -1,4 +1,4 @@
-"""Random baselines spend the attack's budget exactly; of several tries each object keeps the best one."""
+"""Random baselines spend the attack's budget exactly; of several draws each object keeps the best one."""
 
 import numpy as np
 import pytest
@@ -41,18 +41,20 @@ def no_worth(points: np.ndarray) -> np.ndarray:
     return np.zeros(len(BOXES))
 
 
-def clouds_of(after: np.ndarray, seed: int = 0, tries: int = 1, worth=no_worth, parameters=None, boxes=BOXES):
+def clouds_of(
+    after: np.ndarray, seed: int = 0, n_draws: int = 1, worth=no_worth, parameters=None, boxes=BOXES
+):
     change = cloud_difference(cloud(), after)
     budget = SpentBudget.of(cloud(), after, change, parameters or {})
-    return dict(random_baselines(cloud(), boxes, budget, worth, tries=tries, seed=seed, index=3))
+    return dict(random_baselines(cloud(), boxes, budget, worth, n_draws=n_draws, seed=seed, index=3))
 
 
-@pytest.mark.parametrize("tries", [1, 4])
-def test_removes_as_many_elsewhere(tries):
-    clouds = clouds_of(removed(10), tries=tries)
+@pytest.mark.parametrize("n_draws", [1, 4])
+def test_removes_as_many_elsewhere(n_draws):
+    clouds = clouds_of(removed(10), n_draws=n_draws)
     assert list(clouds) == (
         ["baseline", "baseline_near"]
-        if tries == 1
+        if n_draws == 1
         else ["baseline", "baseline_best", "baseline_near", "baseline_near_best"]
     )
     for random in clouds.values():
@@ -72,10 +74,10 @@ def test_near_objects_first_then_anywhere():
     assert set(np.flatnonzero(near)) < set(many)
 
 
-@pytest.mark.parametrize("word", ["baseline", "baseline_near", "baseline_best", "baseline_near_best"])
-def test_moves_as_many_as_far(word):
+@pytest.mark.parametrize("baseline", ["baseline", "baseline_near", "baseline_best", "baseline_near_best"])
+def test_moves_as_many_as_far(baseline):
     change = cloud_difference(cloud(), moved())
-    random = cloud_difference(cloud(), clouds_of(moved(), tries=3)[word])
+    random = cloud_difference(cloud(), clouds_of(moved(), n_draws=3)[baseline])
     assert len(random.moved) == 5
     assert sorted(random.displacement_m) == pytest.approx(sorted(change.displacement_m), abs=1e-5)
     assert (np.sort(random.displacement_m) <= np.sort(change.displacement_m)).all()
@@ -92,9 +94,9 @@ def test_every_point_by_the_bound():
 
 
 @pytest.mark.parametrize(("parameters", "reach_m"), [({}, 0.5), ({"eps_m": 2.0}, 2.0)])
-@pytest.mark.parametrize("word", ["baseline", "baseline_near", "baseline_near_best"])
-def test_adds_as_many_no_farther(word, parameters, reach_m):
-    random = clouds_of(added(), tries=2, parameters=parameters)[word]
+@pytest.mark.parametrize("baseline", ["baseline", "baseline_near", "baseline_near_best"])
+def test_adds_as_many_no_farther(baseline, parameters, reach_m):
+    random = clouds_of(added(), n_draws=2, parameters=parameters)[baseline]
     change = cloud_difference(cloud(), random)
     assert len(change.added) == 7
     assert len(change.removed) == 0
@@ -102,15 +104,15 @@ def test_adds_as_many_no_farther(word, parameters, reach_m):
     distance_m = np.linalg.norm(new[:, None] - xyz(cloud())[None], axis=2).min(axis=1)
     assert (distance_m <= reach_m + 1e-5).all()
     assert distance_m.max() > 0.05
-    if "near" in word:
+    if "near" in baseline:
         inside = points_in_boxes(new, BOXES, 0.5 + reach_m)
         assert len(set(np.concatenate(inside))) == 7
 
 
 def test_untouched_frame_and_frame_without_objects():
-    for random in clouds_of(cloud(), tries=3).values():
+    for random in clouds_of(cloud(), n_draws=3).values():
         assert (random == cloud()).all()
-    for random in clouds_of(removed(10), tries=3, worth=lambda c: np.zeros(0), boxes=BOXES[:0]).values():
+    for random in clouds_of(removed(10), n_draws=3, worth=lambda c: np.zeros(0), boxes=BOXES[:0]).values():
         assert len(random) == 390
 
 
@@ -125,7 +127,7 @@ def test_points_without_coordinates_are_no_points_to_take():
 
 
 def test_each_object_keeps_its_best_try():
-    """The worth of an object is the number of its points left: the best try is the minimum over the tries."""
+    """The worth of an object is the number of its points left: the best draw has the minimum of each."""
     region = regions(xyz(cloud()), BOXES)
     counts = []
 
@@ -134,11 +136,11 @@ def test_each_object_keeps_its_best_try():
         counts.append([(left == 0).sum(), (left == 1).sum()])
         return np.array(counts[-1], float)
 
-    best = clouds_of(removed(150), tries=6, worth=worth)["baseline_best"]
+    best = clouds_of(removed(150), n_draws=6, worth=worth)["baseline_best"]
     tried, together = np.array(counts[:6]), counts[6]
     assert together == tried.min(axis=0).tolist()
     assert len(best) == 250
-    # The tries share out the budget alike: only which points of a region go is drawn anew.
+    # The draws share out the budget alike: only which points of a region go is drawn anew.
     assert len(set(map(tuple, tried))) == 1
     assert tried[0].tolist() == [(region == k).sum() - _removed_in(best, region, k) for k in (0, 1)]
 
@@ -158,7 +160,7 @@ def test_best_try_is_taken_region_by_region():
         tried.append((points["x"][left == 0].mean() + 100, points["y"][left == 1].mean() + 100))
         return np.array(tried[-1], float)
 
-    clouds = clouds_of(removed(150), tries=6, worth=worth)
+    clouds = clouds_of(removed(150), n_draws=6, worth=worth)
     best = worth(clouds["baseline_best"])
     assert best == pytest.approx(np.array(tried[:6]).min(axis=0))
     assert best[0] < tried[0][0] or best[1] < tried[0][1]
@@ -167,19 +169,19 @@ def test_best_try_is_taken_region_by_region():
 
 def test_a_single_try_that_hides_more_as_a_whole_is_taken():
     worths = iter([[5, 0], [0, 5], [9, 9], [5, 0], [0, 5], [9, 9]])
-    clouds = clouds_of(removed(40), tries=2, worth=lambda points: np.array(next(worths), float))
+    clouds = clouds_of(removed(40), n_draws=2, worth=lambda points: np.array(next(worths), float))
     first = clouds_of(removed(40))["baseline"]
     assert (clouds["baseline_best"] == first).all()
 
 
 def test_same_seed_same_cloud():
-    for word, random in clouds_of(removed(10), tries=2).items():
-        assert (random == clouds_of(removed(10), tries=2)[word]).all()
-        assert (random != clouds_of(removed(10), seed=1, tries=2)[word]).any()
+    for baseline, random in clouds_of(removed(10), n_draws=2).items():
+        assert (random == clouds_of(removed(10), n_draws=2)[baseline]).all()
+        assert (random != clouds_of(removed(10), seed=1, n_draws=2)[baseline]).any()
 
 
 def test_more_tries_leave_the_first_as_it_is():
-    assert (clouds_of(moved())["baseline"] == clouds_of(moved(), tries=5)["baseline"]).all()
+    assert (clouds_of(moved())["baseline"] == clouds_of(moved(), n_draws=5)["baseline"]).all()
 
 
 def test_titles():
@@ -196,14 +198,14 @@ def test_as_many_intensities_as_the_attack_changed():
     assert change.intensity_changed.tolist() == list(range(9))
     assert len(change.moved) == 0
     budget = SpentBudget.of(clean, after, change, {})
-    clouds = dict(random_baselines(clean, BOXES, budget, no_worth, tries=2, seed=0, index=3))
+    clouds = dict(random_baselines(clean, BOXES, budget, no_worth, n_draws=2, seed=0, index=3))
     near = points_near_boxes(clean, BOXES)
-    for word, random in clouds.items():
+    for baseline, random in clouds.items():
         drawn = cloud_difference(clean, random)
-        assert len(drawn.intensity_changed) == (len(clean) if "full" in word else 9)
+        assert len(drawn.intensity_changed) == (len(clean) if "full" in baseline else 9)
         assert not len(drawn.moved)
         assert not len(drawn.removed)
         assert random["intensity"].min() >= clean["intensity"].min()
         assert random["intensity"].max() <= clean["intensity"].max()
-        assert near[drawn.intensity_changed].all() == ("near" in word)
+        assert near[drawn.intensity_changed].all() == ("near" in baseline)
     assert len(np.unique(clouds["baseline_full"]["intensity"])) > 300

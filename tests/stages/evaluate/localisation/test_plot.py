@@ -27,9 +27,9 @@ def test_the_second_map_shows_the_largest_error():
     assert [text.get_text() for text in near.texts] == ["20.0 m"]
     assert whole.get_title(loc="left") == "the whole drive"
     figure.canvas.draw()
-    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert words[:4] == ["true", "estimated", "reported", "reported, false"]
-    assert "attacked fixes" in words
+    texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert texts[:4] == ["true", "estimated", "reported", "reported, false"]
+    assert "attacked fixes" in texts
     assert error.get_xlim() == innovation.get_xlim() == (0, 10)
 
 

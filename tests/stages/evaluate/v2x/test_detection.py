@@ -68,7 +68,7 @@ def test_offsets_are_found_out(smoke: Path, offset: Path) -> None:
     assert read_labels(smoke) == []
 
 
-def test_a_lie_is_one_that_mattered_and_was_sent() -> None:
+def test_a_false_message_is_one_that_mattered_and_was_sent() -> None:
     labels = [
         MessageLabel(1, "cam-speed-constant", "car", "changed", True, 0, 7),
         MessageLabel(2, "cam-speed-constant", "car", "changed", False, 0, 7),
@@ -92,7 +92,7 @@ def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
         assert each.true_positives + each.false_positives + each.true_negatives == len(claims) - 1
 
 
-def test_each_attack_is_scored_without_the_lies_of_others(offset: Path) -> None:
+def test_each_attack_is_scored_without_the_false_messages_of_others(offset: Path) -> None:
     """A spoofed GPS in the same bag: one liar's messages are said to be its."""
     receptions, labels = read_receptions(BagReader(offset)), read_labels(offset)
     one = labels[0].station_id
@@ -118,9 +118,9 @@ def test_parts_of_a_mix_have_lines_of_their_own(offset: Path, tmp_path: Path) ->
     import pyarrow.parquet as pq
 
     table = pq.read_table(offset / FILE)
-    words = ["cam-position-offset" if number % 2 else "cam-delay" for number in range(len(table))]
+    parts = ["cam-position-offset" if number % 2 else "cam-delay" for number in range(len(table))]
     columns = dict(zip(table.column_names, table.columns, strict=True))
-    mixed = pa.table(columns | {"attack": ["cam-mix"] * len(table), "part": words})
+    mixed = pa.table(columns | {"attack": ["cam-mix"] * len(table), "part": parts})
     pq.write_table(mixed, tmp_path / FILE)
     published = {"cam-position-offset": 0.846, "cam-delay": 0.062}
     found = detect(read_receptions(BagReader(offset)), read_labels(tmp_path), published=published)

@@ -41,16 +41,16 @@ def test_the_map_during_an_attack_is_of_its_time(clean: EvaluatedDrive) -> None:
         missing=0 * false_entries,
         displaced=0 * false_entries,
     )
-    lies = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
-    drive = replace(clean, errors={"ego": error}, labels=lies)
+    false_labels = [MessageLabel(n, "cam-dos", "a", "changed", True, times_ns[n], 7) for n in (1, 3)]
+    drive = replace(clean, errors={"ego": error}, labels=false_labels)
     assert [moment.time_ns for moment in drive.maps_around_attack("ego")] == [times_ns[1], times_ns[2]]
-    at_once = replace(drive, labels=lies[:1])
+    at_once = replace(drive, labels=false_labels[:1])
     assert [moment.time_ns for moment in at_once.maps_around_attack("ego")] == [times_ns[1], times_ns[-1]]
 
 
 def test_nobody_listens(clean: EvaluatedDrive) -> None:
     """No map, so no picture of one, nor a line about a victim."""
-    silent = replace(clean, name="silent", errors={}, moments={}, warned={}, heard={})
+    silent = replace(clean, name="silent", errors={}, moments={}, warned={}, received={})
     assert silent.most_affected_listener is None
     made = section(clean, [silent], DetectorConfig())
     assert [picture.file_name for picture in made.pictures] == ["v2x-detection.png"]
@@ -61,14 +61,16 @@ def test_delivery_is_of_the_same_messages(clean: EvaluatedDrive) -> None:
     """Of 1 to 4, the clean drive delivers 1, 2 and 4; with 4 forged, 1, 2 and 3 are honest: two before, one
     under attack. What is far away counts for nothing."""
     near = frozenset({1, 2, 3, 4})
-    before = replace(clean, heard={"ego": MessageNumbers(near, frozenset({1, 2, 4, 9}))})
+    before = replace(clean, received={"ego": MessageNumbers(near, frozenset({1, 2, 4, 9}))})
     forged = MessageLabel(4, "cam-dos", "a", "changed", True, 0, 7)
     after = replace(
-        clean, name="dos", heard={"ego": MessageNumbers(near, frozenset({1, 4, 9}))}, labels=[forged]
+        clean, name="dos", received={"ego": MessageNumbers(near, frozenset({1, 4, 9}))}, labels=[forged]
     )
     lines = victim_table([before, after]).lines
     assert [line[-1] for line in lines] == ["75.0", "66.7 → 33.3"]
-    nothing = replace(clean, name="all", heard={"ego": MessageNumbers(frozenset({4}), near)}, labels=[forged])
+    nothing = replace(
+        clean, name="all", received={"ego": MessageNumbers(frozenset({4}), near)}, labels=[forged]
+    )
     assert victim_table([before, nothing]).lines[1][-1] == "– → –"
 
 

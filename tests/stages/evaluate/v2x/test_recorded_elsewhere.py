@@ -147,7 +147,7 @@ def test_receptions_of_what_nobody_sent(smoke: Path, tmp_path: Path, field: str,
     ("lacks", "message"),
     [
         (("/scenario/info",), "the geographic origin of its map is unknown"),
-        (("/ego/odometry", "/v2x/stations"), "where ego was when it received messages is not known"),
+        (("/ego/odometry", "/v2x/stations"), "the position of ego when it received messages is unknown"),
     ],
 )
 def test_what_nothing_can_be_said_without(

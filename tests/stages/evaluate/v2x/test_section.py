@@ -76,7 +76,7 @@ def test_nothing_to_say_without_attacks_on_messages(smoke: Path) -> None:
     assert v2x_sections(smoke, [smoke], 0) == ()
 
 
-def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -> None:
+def test_bags_without_false_messages_do_not_count_in_the_mean(smoke: Path, offset: Path) -> None:
     """Messages left out are no lies to find: 3 honest ones flagged would make F1 0."""
     clean, lied = read_drive(smoke, "clean"), read_drive(offset, "offset")
     none = replace(lied.detection, false_messages=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
@@ -85,7 +85,7 @@ def test_bags_without_lies_do_not_count_in_the_mean(smoke: Path, offset: Path) -
     assert lead.startswith("Mean F1 over 1 bag with false messages: ")
 
 
-def test_lines_where_one_attack_is_all_or_nobody_lies(offset: Path) -> None:
+def test_lines_where_one_attack_is_all_or_no_message_is_false(offset: Path) -> None:
     """A mix has a line for itself and for each part, two attacks have one for both; without lies, dashes."""
     lied = read_drive(offset, "offset")
     (own,) = lied.detection.parts

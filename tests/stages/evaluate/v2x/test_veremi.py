@@ -94,18 +94,18 @@ def test_receptions_and_truth(offset: Path, exported: Path) -> None:
         assert off_m > 15 if line["messageID"] in lied else off_m < 6
 
 
-def test_a_mix_is_told_by_its_parts(smoke: Path, tmp_path: Path) -> None:
+def test_a_mix_is_labelled_by_its_parts(smoke: Path, tmp_path: Path) -> None:
     """Constant speeds are number 5 of the Extension, reversed headings are none of its own."""
-    words = "cam-speed-constant, cam-heading-reversed"
-    spec = AttackSpec(type="cam-mix", parameters={"attacks": words}, attackers={"share": 0.6})
+    attacks = "cam-speed-constant, cam-heading-reversed"
+    spec = AttackSpec(type="cam-mix", parameters={"attacks": attacks}, attackers={"share": 0.6})
     attack(smoke, tmp_path / "mix", AttackRequest((spec,)))
     export_veremi(tmp_path / "mix", tmp_path / "out")
     kinds = {"cam-heading-reversed": FIRST_OF_OURS, "cam-speed-constant": 5}
     assert json.loads((tmp_path / "out" / "attacks.json").read_text()) == kinds
     of_message = {label.number: label for label in read_labels(tmp_path / "mix")}
-    told = lines(tmp_path / "out" / "trace" / "traceGroundTruthJSON-0.json")
-    assert {line["attackerType"] for line in told} == {0, 5, FIRST_OF_OURS}
-    for line in told:
+    stated = lines(tmp_path / "out" / "trace" / "traceGroundTruthJSON-0.json")
+    assert {line["attackerType"] for line in stated} == {0, 5, FIRST_OF_OURS}
+    for line in stated:
         if line["attackerType"]:
             assert kinds[of_message[line["messageID"]].part] == line["attackerType"]
 
@@ -121,7 +121,7 @@ def test_form_of_2018(offset: Path, tmp_path: Path) -> None:
 
 def test_numbers() -> None:
     """All 19 of the Extension and those of 2018 are attacks of ours; others count from 1000, by name."""
-    specs = tuple(AttackSpec(type=word) for word in ATTACKS if find_attack(word).family != "lidar")
+    specs = tuple(AttackSpec(type=attack) for attack in ATTACKS if find_attack(attack).family != "lidar")
     attacks = AttackRequest(specs).resolved()
     bag = Provenance({"attacks": json.dumps(attacks)})
     names = [spec.type for spec in specs]

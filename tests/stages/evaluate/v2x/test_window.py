@@ -47,13 +47,13 @@ def test_detection_is_of_the_messages_that_arrive_in_it(
     arrivals_ns = np.array([one.arrival_ns for one in ego.received])
     inside = (arrivals_ns >= window.begin_ns) & (arrivals_ns < window.end_ns)
     flagged = judge_all(ego.claims, ego.receivers, DetectorConfig()).flagged
-    is_lie = are_false(ego.numbers, read_labels(offset))
+    is_false = are_false(ego.numbers, read_labels(offset))
     assert 0 < inside.sum() < len(inside) / 2
     found = drive.detection
-    assert (found.messages, found.false_messages) == (inside.sum(), (inside & is_lie).sum())
+    assert (found.messages, found.false_messages) == (inside.sum(), (inside & is_false).sum())
     assert found.false_messages > 0
-    assert found.ours.true_positives == (inside & is_lie & flagged).sum()
-    assert found.ours.false_positives == (inside & ~is_lie & flagged).sum()
+    assert found.ours.true_positives == (inside & is_false & flagged).sum()
+    assert found.ours.false_positives == (inside & ~is_false & flagged).sum()
     whole = read_drive(offset, "offset").detection
     assert whole.false_messages > found.false_messages
 
@@ -78,13 +78,13 @@ def test_messages_of_both_bags_are_those_of_the_same_time(
     clean = read_drive(smoke, "clean", window=window)
     sent = {one.number: one.request_ns for step in V2xDrive(BagReader(smoke)).steps() for one in step.sent}
     for each in (clean, drive):
-        assert each.heard["ego"].near
-        assert all(window.holds(sent[number]) for number in each.heard["ego"].near)
-    assert clean.heard["ego"].near == drive.heard["ego"].near
-    assert clean.heard["ego"].delivered(drive.honest("ego")) > 0.5
+        assert each.received["ego"].near
+        assert all(window.holds(sent[number]) for number in each.received["ego"].near)
+    assert clean.received["ego"].near == drive.received["ego"].near
+    assert clean.received["ego"].delivered(drive.honest("ego")) > 0.5
 
 
-def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) -> None:
+def test_channel_metrics_are_of_whole_drives_only(smoke: Path, offset: Path) -> None:
     """All else is the same in a window of everything, and the report says what is left out."""
     (whole,), (same,) = (
         v2x_sections(smoke, [offset], window=window) for window in (WHOLE_DRIVE, seconds(smoke, 0, 9))
@@ -95,10 +95,10 @@ def test_the_channel_is_told_of_whole_drives_alone(smoke: Path, offset: Path) ->
         np.testing.assert_equal(after, {k: v for k, v in before.items() if k not in radio})
     assert [len(found.tables[2].lines) for found in (whole, same)] == [2, 0]
     assert whole.notes == ()
-    assert "The channel's metrics are left out" in same.notes[-1]
+    assert "No metrics of the radio channel" in same.notes[-1]
 
 
-def test_before_the_attack_begins_nobody_lies(smoke: Path, offset: Path) -> None:
+def test_before_the_attack_begins_no_message_is_false(smoke: Path, offset: Path) -> None:
     """Lies begin after 2 s: until then both bags are one."""
     (found,) = v2x_sections(smoke, [offset], window=seconds(smoke, 0.5, 1.9))
     clean, attacked = rows_of(found)

@@ -20,16 +20,16 @@ class Telepathy:
         self._listeners, self._step_ns = sorted(scenario.vehicles), round(scenario.simulation.step_s * 1e9)
         self._step_traffic = step_traffic
         self._ids: dict[str, int] = {}
-        self._said = self._now_ns = 0
+        self._sent_count = self._now_ns = 0
         self.radios: Sequence[RadioPlace] = ()
 
     def simulate_until(self, stamp_ns: int) -> NetworkStep:
         time_ns = stamp_ns - self._step_ns // 2
         sent = tuple(
             Sent(number, number, radio.station_id, time_ns, b"hello", 23.0)
-            for number, radio in enumerate(self.radios, start=self._said)
+            for number, radio in enumerate(self.radios, start=self._sent_count)
         )
-        self._said += len(sent)
+        self._sent_count += len(sent)
         received = tuple(
             Received(listener, one, None, time_ns, -50.0, 40.0, Verdict.CORRUPT)
             for one in sent

@@ -55,7 +55,7 @@ def test_refuses_a_truncated_network(tmp_path: Path) -> None:
 
 
 def test_refuses_a_missing_file_with_a_hint(tmp_path: Path) -> None:
-    with pytest.raises(AdvpipeError, match=r"does not exist; give its path with --set map\.opendrive=FILE"):
+    with pytest.raises(AdvpipeError, match=r"not exist; give its path with settings map\.opendrive=FILE"):
         load_network(Map(opendrive=str(tmp_path / "Town06.xodr")), tmp_path)
 
 

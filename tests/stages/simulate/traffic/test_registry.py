@@ -100,7 +100,7 @@ def cam_of(message: Any) -> Cam:
 
 
 BAD = {
-    "cars": r"^traffic\.source \W?cars\W? is unknown; known: sumo, trajectories, or your own module:Class",
+    "cars": r"^traffic\.source \W?cars\W? is unknown; known: sumo, trajectories \(or your own module:Class\)",
     "own_cars:Absent": r"^traffic\.source own_cars:Absent cannot be loaded: AttributeError: .*Absent",
     "nowhere:Source": r"^traffic\.source nowhere:Source cannot be loaded: ModuleNotFoundError: .*nowhere",
     "own_cars:Wrong": r"^traffic\.source own_cars:Wrong is not a traffic source: .*protocol\.py$",

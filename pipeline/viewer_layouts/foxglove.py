@@ -1,28 +1,28 @@
-"""A layout for Foxglove and Lichtblick that shows a data set's scene."""
+"""A layout for Foxglove and Lichtblick that shows the scene of a bag."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from advpipe.pipeline.messages.topics import VehicleTopics
-from advpipe.stages.share.facts import BagFacts
+from advpipe.pipeline.viewer_layouts.scene import ViewerScene
 
 _SCENE, _SPEED, _TOPICS = "3D!scene", "Plot!speed", "RawMessages!objects"
 
 
-def foxglove_layout(bag: BagFacts) -> str:
+def foxglove_layout(scene: ViewerScene) -> str:
     """JSON that `Layouts > Import from file` takes: the scene from above the ego, its speed, its objects.
 
-    Panels and keys are those of the layouts that Foxglove exports (version 2 of its 3D panel).
+    Panels and keys are those of the layouts that Foxglove exports (version 2 of its 3D panel). The root frame
+    is hidden, or a line from the ego to the map's origin would cross the scene.
     """
-    panels: dict[str, Any] = {_SCENE: _scene(bag)}
+    panels: dict[str, Any] = {_SCENE: _scene(scene)}
     below = []
-    if (odometry := VehicleTopics(bag.ego).true_odometry.name) in bag.topics:
-        panels[_SPEED] = _plot(f"{odometry}.twist.twist.linear.x", "speed, m/s")
+    if scene.speed is not None:
+        panels[_SPEED] = _plot(f"{scene.speed}.twist.twist.linear.x", "speed, m/s")
         below.append(_SPEED)
-    if bag.truths:
-        panels[_TOPICS] = {"topicPath": bag.truths[0], "diffEnabled": False, "expansion": "none"}
+    if scene.truth is not None:
+        panels[_TOPICS] = {"topicPath": scene.truth, "diffEnabled": False, "expansion": "none"}
         below.append(_TOPICS)
     layout: Any = _SCENE
     if below:
@@ -38,9 +38,11 @@ def foxglove_layout(bag: BagFacts) -> str:
     return json.dumps(document, indent=1) + "\n"
 
 
-def _scene(bag: BagFacts) -> dict[str, Any]:
-    topics: dict[str, Any] = {topic.name: {"visible": True, **panel.foxglove} for topic, panel in bag.panels}
-    topics |= {name: {"visible": True} for name in bag.markers}
+def _scene(scene: ViewerScene) -> dict[str, Any]:
+    topics: dict[str, Any] = {
+        topic.name: {"visible": True, **panel.foxglove} for topic, panel in scene.panels
+    }
+    topics |= {topic.name: {"visible": True} for topic in scene.markers}
     return {
         "cameraState": {
             "perspective": True,
@@ -55,16 +57,16 @@ def _scene(bag: BagFacts) -> dict[str, Any]:
             "far": 5000,
         },
         "followMode": "follow-pose",
-        "followTf": bag.ego_frame,
+        "followTf": scene.ego_frame,
         "scene": {"backgroundColor": "#10141a"},
-        "transforms": {},
+        "transforms": {f"frame:{scene.root_frame}": {"visible": False}},
         "topics": topics,
         "layers": {
             "grid": {
                 "visible": True,
                 "layerId": "foxglove.Grid",
                 "instanceId": "grid",
-                "frameId": bag.ego_frame,
+                "frameId": scene.ego_frame,
                 "size": 200,
                 "divisions": 20,
                 "lineWidth": 1,

@@ -1,4 +1,4 @@
-"""A configuration of RViz 2 that shows a data set's scene: `rviz2 -d scene.rviz`."""
+"""A configuration of RViz 2 that shows the scene of a bag: `rviz2 -d scene.rviz`."""
 
 from __future__ import annotations
 
@@ -6,27 +6,25 @@ from typing import Any
 
 import yaml
 
-from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.sensor import Panel
-from advpipe.stages.share.facts import BagFacts, TopicFacts
+from advpipe.pipeline.viewer_layouts.scene import ViewedTopic, ViewerScene
 
 _DEFAULT = "rviz_default_plugins"
 
 
-def rviz_config(bag: BagFacts) -> str:
+def rviz_config(scene: ViewerScene) -> str:
     """YAML with the sensors, markers, odometry and frames of a bag, seen from behind and above the ego.
 
     Classes and properties are those of rviz_default_plugins from Humble on.
     """
-    odometry = [VehicleTopics(name).odometry.name for name in bag.vehicles]
     displays = [
         {"Class": f"{_DEFAULT}/Grid", "Name": "Grid", "Enabled": True, "Cell Size": 10,
          "Plane Cell Count": 40,
          "Reference Frame": "<Fixed Frame>"},
         {"Class": f"{_DEFAULT}/TF", "Name": "TF", "Enabled": True, "Show Arrows": False, "Marker Scale": 5},
-        *(_sensor(topic, panel) for topic, panel in bag.panels),
-        *(_display("MarkerArray", bag.topics[name], depth=10) for name in bag.markers),
-        *(_odometry(bag.topics[name]) for name in odometry if name in bag.topics),
+        *(_sensor(topic, panel) for topic, panel in scene.panels),
+        *(_display("MarkerArray", topic, depth=10) for topic in scene.markers),
+        *(_odometry(topic) for topic in scene.odometry),
     ]  # fmt: skip
     tools = ("Interact", "MoveCamera", "Select", "FocusCamera", "Measure")
     document = {
@@ -38,7 +36,7 @@ def rviz_config(bag: BagFacts) -> str:
         "Visualization Manager": {
             "Class": "",
             "Global Options": {
-                "Fixed Frame": bag.root_frame,
+                "Fixed Frame": scene.root_frame,
                 "Background Color": "16; 20; 26",
                 "Frame Rate": 30,
             },
@@ -48,7 +46,7 @@ def rviz_config(bag: BagFacts) -> str:
                 "Current": {
                     "Class": f"{_DEFAULT}/Orbit",
                     "Name": "Current View",
-                    "Target Frame": bag.ego_frame,
+                    "Target Frame": scene.ego_frame,
                     "Distance": 60,
                     "Pitch": 0.6,
                     "Yaw": 3.14,
@@ -60,7 +58,7 @@ def rviz_config(bag: BagFacts) -> str:
     return yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
 
 
-def _display(display_class: str, topic: TopicFacts, depth: int) -> dict[str, Any]:
+def _display(display_class: str, topic: ViewedTopic, depth: int) -> dict[str, Any]:
     return {
         "Class": f"{_DEFAULT}/{display_class}",
         "Name": topic.name,
@@ -75,9 +73,9 @@ def _display(display_class: str, topic: TopicFacts, depth: int) -> dict[str, Any
     }
 
 
-def _sensor(topic: TopicFacts, panel: Panel) -> dict[str, Any]:
+def _sensor(topic: ViewedTopic, panel: Panel) -> dict[str, Any]:
     return _display(panel.rviz, topic, panel.depth) | dict(panel.rviz_keys)
 
 
-def _odometry(topic: TopicFacts) -> dict[str, Any]:
+def _odometry(topic: ViewedTopic) -> dict[str, Any]:
     return _display("Odometry", topic, depth=10) | {"Keep": 100, "Shape": {"Value": "Arrow"}}

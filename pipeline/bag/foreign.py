@@ -1,0 +1,61 @@
+"""Recordings in formats that advpipe does not read: told by name, with what makes a bag of them."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from advpipe.pipeline.core.errors import UsageError
+
+_ROS1 = b"#ROSBAG V"
+_SQLITE = b"SQLite format 3\0"
+
+_KITTI_POINT_BYTES = 16
+"""x, y, z and reflectance, four bytes each."""
+
+_MOST_ENTRIES = 1000
+"""Of a folder, that are looked at for a recording."""
+
+
+def refuse_foreign(path: Path) -> None:
+    """Raises UsageError for a ROS 1 bag, a bare .db3 and a KITTI cloud, and for a folder that holds some.
+
+    Does nothing for any other path, also one that cannot be read.
+    """
+    try:
+        found = _foreign_in(path) if path.is_dir() else _foreign(path)
+    except OSError:
+        return
+    if found:
+        raise UsageError(found)
+
+
+def _foreign_in(folder: Path) -> str:
+    """What the first recording in a folder is; "" where there is none."""
+    for _, entry in zip(range(_MOST_ENTRIES), folder.iterdir(), strict=False):
+        if entry.suffix in (".bag", ".db3", ".bin") and entry.is_file() and (found := _foreign(entry)):
+            return f"{folder} is not a bag: {found}"
+    return ""
+
+
+def _foreign(file: Path) -> str:
+    """What a file is and what to do, in one line; "" for what is none of these formats."""
+    size_bytes = file.stat().st_size
+    with file.open("rb") as stream:
+        head = stream.read(len(_SQLITE))
+    if head.startswith(_ROS1):
+        return f"{file} is a ROS 1 bag; {_convert(file)}"
+    if head == _SQLITE:
+        return f"{file} is the SQLite database of a ROS 2 bag, but advpipe reads mcap; {_convert(file)}"
+    if file.suffix == ".bin" and size_bytes and size_bytes % _KITTI_POINT_BYTES == 0:
+        return (
+            f"{file} looks like a KITTI cloud, which has neither a time nor boxes; write the clouds as "
+            "PointCloud2 and the boxes as Detection3DArray into an .mcap, such as with the Python package "
+            "rosbags (docs/bags.md, Bags of your own)"
+        )
+    return ""
+
+
+def _convert(file: Path) -> str:
+    source, target = shlex.quote(str(file)), shlex.quote(f"{file.stem}-mcap")
+    return f"convert it with `rosbags-convert --src {source} --dst {target} --dst-storage mcap`"

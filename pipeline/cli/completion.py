@@ -1,0 +1,37 @@
+"""What shells complete as values of options: names, looked up when somebody presses the tab key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def attack_names(incomplete: str) -> list[str]:
+    """The registered attacks, of all families."""
+    from advpipe.stages.attack.registry import ATTACKS
+
+    return _beginning(ATTACKS, incomplete)
+
+
+def detector_names(incomplete: str) -> list[str]:
+    """The shipped detectors."""
+    from advpipe.pipeline.detector.families import shipped_checkpoints
+
+    return _beginning(shipped_checkpoints(), incomplete)
+
+
+def scenario_names(incomplete: str) -> list[str]:
+    """The shipped scenarios."""
+    from advpipe.pipeline.scenario import shipped_scenarios
+
+    return _beginning(shipped_scenarios(), incomplete)
+
+
+def defence_names(incomplete: str) -> list[str]:
+    """The defences, without their parameters."""
+    from advpipe.pipeline.defences.registry import DEFENCES
+
+    return _beginning(DEFENCES, incomplete)
+
+
+def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]

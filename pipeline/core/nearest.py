@@ -1,0 +1,40 @@
+"""What somebody who mistyped a name may have meant."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+from advpipe.pipeline.core.short_repr import shorten
+
+ALIKE = 0.6
+"""How alike two names are, by `difflib`'s ratio, where one may be meant by the other."""
+
+_MOST_SUGGESTED = 3
+_MOST_LISTED = 20
+"""Beside a suggestion: a longer list would hide it."""
+
+
+def known_names(name: object, known: Iterable[str]) -> str:
+    """For the end of an error about an unknown name: what may be meant, and what is known.
+
+    >>> known_names("detahc", ["perturb", "detach"])
+    "did you mean 'detach'? known: perturb, detach"
+    """
+    names = list(known)
+    hint, listed = suggestion(name, names), f"known: {', '.join(names)}"
+    if not hint:
+        return listed
+    return f"{hint} {listed}" if len(names) <= _MOST_LISTED else hint
+
+
+def suggestion(name: object, known: Iterable[str]) -> str:
+    """`did you mean 'detach'?`; "" where no known name is like it.
+
+    A name that is part of others, such as `speed` of `cam-speed-offset`, may mean any of these.
+    """
+    names, typed = list(known), shorten(str(name)).lower()
+    found = difflib.get_close_matches(typed, names, n=1, cutoff=ALIKE)
+    if not found and len(typed) > 2:
+        found = [each for each in names if typed in each][:_MOST_SUGGESTED]
+    return f"did you mean {' or '.join(map(repr, found))}?" if found else ""

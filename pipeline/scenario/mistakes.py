@@ -1,0 +1,84 @@
+"""What is wrong with a scenario, in one line: every mistake with its key, its line and what may be meant."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.option_names import option_name
+from advpipe.pipeline.core.short_repr import short_repr, shorten
+from advpipe.pipeline.scenario.document import ScenarioText
+from advpipe.pipeline.scenario.models import Scenario
+
+LONGEST_MESSAGE = 1000
+MOST_MISTAKES = 20
+"""That are spelt out; whoever has more reads the rest when these are corrected."""
+
+Place = tuple[str, ...]
+
+
+def mistakes_line(
+    error: ValidationError, path: Path, document: ScenarioText, overridden: Sequence[Place]
+) -> str:
+    """All mistakes in one line, numbered if there are several.
+
+    Each with its key; with the line in the file, or the option for a key that an override gives.
+    """
+    lines, set_option = document.lines(), option_name("settings")
+    found = list(_mistakes(error))
+    texts = []
+    for place, message in found[:MOST_MISTAKES]:
+        key = ".".join(map(shorten, place))
+        if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
+            texts.append(f"{set_option} {key}: {message}")
+            continue
+        line = lines.get(place) or lines.get(tuple(part for part in place if not part.isdigit()))
+        texts.append(f"{key}{f' (line {line})' if line else ''}: {message}" if key else message)
+    if len(found) == 1:
+        (only,) = texts
+        return _on_one_line(only if only.startswith(f"{set_option} ") else f"{path}: {only}")
+    numbered = "; ".join(f"({number}) {text}" for number, text in enumerate(texts, 1))
+    more = f"; and {len(found) - MOST_MISTAKES} more" if len(found) > MOST_MISTAKES else ""
+    return _on_one_line(f"{path}: {len(found)} mistakes: {numbered}{more}")
+
+
+def _mistakes(error: ValidationError) -> Iterator[tuple[Place, str]]:
+    """Place and message of each; the first of those at one place, where a value may have several forms."""
+    seen: set[Place] = set()
+    for each in error.errors():
+        place = tuple(str(part) for part in each["loc"] if part != "[key]")
+        if place not in seen or not place:
+            seen.add(place)
+            yield place, _message(dict(each), place)
+
+
+def _message(each: dict[str, Any], place: Place) -> str:
+    if each["type"] == "extra_forbidden":
+        return f"unknown key; {known_names(place[-1], _keys_at(place[:-1]))}"
+    if each["type"] == "missing":
+        return "is missing"
+    message = shorten(each["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
+    return message if isinstance(each["input"], dict) else f"{message}, not {short_repr(each['input'])}"
+
+
+def _keys_at(place: Place) -> list[str]:
+    model: type[BaseModel] = Scenario
+    for part in place:
+        annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
+        model = next(iter(_models_in(annotation)), model)
+    return list(model.model_fields)
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
+
+
+def _on_one_line(text: str) -> str:
+    return " ".join(text.split())

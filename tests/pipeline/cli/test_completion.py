@@ -1,0 +1,35 @@
+"""The names that shells complete, through the completion of the real command line."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("advpipe attack --type cam-delay", ["cam-delay"]),
+        ("advpipe attack --type gnss-drift", ["gnss-drift", "gnss-drift-aware"]),
+        ("advpipe attacks det", ["detach"]),
+        ("advpipe simulate dis", ["district"]),
+        ("advpipe run cooper", ["cooperative"]),
+        ("advpipe attack --detector sm", ["small"]),
+        ("advpipe evaluate --detector s", ["small"]),
+        ("advpipe evaluate --defence j", ["jitter"]),
+    ],
+)
+def test_values_are_completed(typed: str, expected: list[str]) -> None:
+    environment = {
+        **os.environ,
+        "_ADVPIPE_COMPLETE": "complete_bash",
+        "COMP_WORDS": typed,
+        "COMP_CWORD": str(len(typed.split()) - 1),
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "advpipe"], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == expected, done.stderr

@@ -1,0 +1,53 @@
+"""All mistakes of a scenario come at once, each with its key, its line and what may be meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.scenario import load_scenario
+
+HEAD = "name: x\nmap: {generator: {}}\n"
+
+
+def refusal(tmp_path: Path, text: str, *settings: str) -> str:
+    path = tmp_path / "a.yaml"
+    path.write_text(f"{HEAD}{text}")
+    with pytest.raises(AdvpipeError) as caught:
+        load_scenario(str(path), settings)
+    found = str(caught.value)
+    assert "\n" not in found
+    assert found.startswith((f"{path}: ", "settings "))
+    return found.removeprefix(f"{path}: ")
+
+
+def test_several_are_numbered(tmp_path: Path) -> None:
+    text = "simulation: {sed: 3, duration_s: -1}\ntraffic:\n  vehicles: many\n"
+    line = refusal(tmp_path, text, "v2x.penetratoin=1")
+    assert line.startswith("4 mistakes: (1) ")
+    assert "simulation.sed (line 3): unknown key; did you mean 'seed'? known: seed, " in line
+    assert "simulation.duration_s (line 3): Input should be greater than" in line
+    assert "traffic.vehicles (line 5): Input should be a valid integer, not 'many'" in line
+    assert "settings v2x.penetratoin: unknown key; did you mean 'penetration'?" in line
+    assert [f"({number}) " in line for number in range(1, 6)] == [True] * 4 + [False]
+
+
+def test_one_is_not_numbered(tmp_path: Path) -> None:
+    line = refusal(tmp_path, "simulation: {sed: 3}\n")
+    assert line.startswith("simulation.sed (line 3): unknown key; did you mean 'seed'?")
+    assert refusal(tmp_path, "", "simulation.sed=3").startswith("settings simulation.sed: unknown key; did")
+
+
+def test_a_value_that_may_have_several_forms_is_one_mistake(tmp_path: Path) -> None:
+    assert "mistakes" not in refusal(tmp_path, "attacks: {a: {type: 3}}\n")
+
+
+def test_very_many_are_counted(tmp_path: Path) -> None:
+    keys = ", ".join(f"odd_{number}: 1" for number in range(1000))
+    line = refusal(tmp_path, f"traffic: {{{keys}}}\n")
+    assert line.startswith("1000 mistakes: (1) ")
+    assert "(20) " in line
+    assert line.endswith("; and 980 more")
+    assert len(line) < 20_000
