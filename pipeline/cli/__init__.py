@@ -16,6 +16,7 @@ from advpipe.pipeline.cli.clean import clean
 from advpipe.pipeline.cli.demo import demo
 from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.export import export
+from advpipe.pipeline.cli.figures import figures_command
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema_command
@@ -44,6 +45,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "simulate": simulate_command,
     "attack": attack_command,
     "evaluate": evaluate_command,
+    "figures": figures_command,
     "attacks": attacks_command,
     "sweep": sweep_command,
     "export": export,

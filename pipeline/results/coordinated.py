@@ -32,7 +32,7 @@ class TogetherMetrics:
     lacks the topic.
 
     own_place_m: the error of the vehicle's own position estimate. map_wrong: entries of its map that are
-    false, missing or displaced. points_touched: in a cloud.
+    false, missing or displaced. points_touched, objects_missed: in a cloud.
     """
 
     from_s: Annotated[
@@ -53,6 +53,12 @@ class TogetherMetrics:
         float | None, LeftOut(), "mean number of changed points per cloud in the clean bag: 0"
     ] = None
     points_touched: Annotated[float | None, LeftOut(), "the same in the attacked bag"] = None
+    objects_missed_clean: Annotated[
+        float | None,
+        LeftOut(),
+        "mean number of evaluated objects per cloud that the first detector misses in the clean bag",
+    ] = None
+    objects_missed: Annotated[float | None, LeftOut(), "the same in the attacked bag"] = None
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ class CloudCounts:
     """What is counted in one cloud of a frame, the clean one too, at the working point of its report.
 
     Displacements are over the moved points of the cloud, 0 without any; max_added_m: from an added point to
-    the nearest clean one. lost_objects: found on the clean cloud and missed here; recounted, without those
-    that have too few points left.
+    the nearest clean one. lost_objects: found on the clean cloud and missed here, at loose overlap;
+    recounted, without those that have too few points left. displaced_objects: found on the clean cloud at
+    strict overlap and here at loose overlap only.
     """
 
     points: int
@@ -32,6 +33,7 @@ class CloudCounts:
     lost_objects: int
     new_false_positives: int
     lost_objects_recounted: int
+    displaced_objects: int
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,15 @@ class MatchRow:
     """A detection on a cloud, or an object of its frame, with its number there.
 
     cloud: `clean`, `adv`, a baseline's name, or one of these under a defence. kind: `DETECTION` or `TRUTH`;
-    what the other one has is None: id, occlusion, is_lost and is_emptied are an object's, score and is_new a
-    detection's. Box: centre, size and yaw in the frame of the ground truth. points: of a detection in the
-    cloud it was made on, of an object in the clean one. occlusion: in [0, 1]; None where the
-    bag does not tell. fate: by each criterion one of `FOUND`, `MISSED`, `FALSE`, `IGNORED`. match: the number
-    of the object or detection that it was matched with, None for none.
+    what the other one has is None: id, occlusion, is_lost, is_displaced and is_emptied are an object's, score
+    and is_new a detection's. Box: centre, size and yaw in the frame of the ground truth. points: of a
+    detection in the cloud it was made on, of an object in the clean one. occlusion: in [0, 1]; None where
+    the bag does not tell. fate: by each criterion one of `FOUND`, `MISSED`, `FALSE`, `IGNORED`. match: the
+    number of the object or detection that it was matched with, None for none.
 
-    At the working point: is_lost, found on the clean cloud and missed here; is_new, where there was nothing.
-    is_emptied: with too few points left.
+    At the working point: is_lost, found on the clean cloud at loose overlap and missed here; is_displaced,
+    found there at strict overlap and here at loose overlap only; is_new, where there was nothing. is_emptied:
+    with too few points left.
     """
 
     bag: Category
@@ -54,5 +55,6 @@ class MatchRow:
     match_bev: Number | None
     match_bev_loose: Number | None
     is_lost: bool | None
+    is_displaced: bool | None
     is_emptied: bool | None
     is_new: bool | None

@@ -57,7 +57,37 @@ class SuccessRecord(_OfAttack):
     strict_attack_success_ci95: Annotated[
         Interval, "95 % interval of strict_attack_success_percent, in percent"
     ]
+    displaced: Annotated[
+        int, "number of objects found at strict overlap on the clean clouds and here at loose overlap only"
+    ]
     new_false_positives: Annotated[int, "number of false positives where the clean clouds have none"]
+
+
+@dataclass(frozen=True)
+class EffectRecord(_OfAttack):
+    """What one condition leaves of the detector's results, over all frames or over the attacked ones alone:
+    the mAP ratio at strict and at loose overlap, and objects lost and displaced. An object is lost if it is
+    found on the clean cloud and missed here, at loose overlap; displaced if it is found on the clean cloud at
+    strict overlap and here at loose overlap only."""
+
+    condition: Annotated[str, "`adv` or the name of a baseline"]
+    frames: Annotated[str, "`all`, or `attacked`: those in which the attack changed points of the cloud"]
+    frame_count: Annotated[int, "number of these frames"]
+    blocks: Annotated[int, "number of blocks of at least 5 s that the bootstrap draws from"]
+    map_ratio_percent: Annotated[
+        float, "strict mAP in percent of that on the clean clouds of the same frames; null where that is 0"
+    ]
+    map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]
+    map_loose_ratio_percent: Annotated[float, "loose mAP in percent of that on the clean clouds"]
+    map_loose_ratio_ci95: Annotated[Interval, "95 % interval of map_loose_ratio_percent, in percent"]
+    found_clean: Annotated[int, "number of objects found on the clean clouds, at loose overlap"]
+    lost_objects: Annotated[int, "number of these that are missed here, at loose overlap"]
+    lost_percent: Annotated[float, "lost_objects in percent of found_clean"]
+    lost_ci95: Annotated[Interval, "95 % interval of lost_percent, in percent"]
+    strict_found_clean: Annotated[int, "number of objects found on the clean clouds, at strict overlap"]
+    displaced_objects: Annotated[int, "number of these that are found here at loose overlap only"]
+    displaced_percent: Annotated[float, "displaced_objects in percent of strict_found_clean"]
+    displaced_ci95: Annotated[Interval, "95 % interval of displaced_percent, in percent"]
 
 
 @dataclass(frozen=True)

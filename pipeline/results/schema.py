@@ -21,6 +21,7 @@ from advpipe.pipeline.results.records import (
     BaselineRecord,
     DefenceRecord,
     DefendedMetrics,
+    EffectRecord,
     PrecisionRecord,
     SuccessRecord,
     TransferRecord,
@@ -47,6 +48,7 @@ def report_schema() -> Schema:
     """The schema as plain values. An undefined metric is null; other keys are refused."""
     lists = {
         "average_precision": PrecisionRecord,
+        "attack_effects": EffectRecord,
         "attack_success": SuccessRecord,
         "baselines": BaselineRecord,
         "transfer": TransferRecord,

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
 from advpipe.stages.evaluate.cooperative.section import cooperative_sections as cooperative
+from advpipe.stages.evaluate.coordinated.effects import DetectedFrames
 from advpipe.stages.evaluate.coordinated.section import coordinated_sections as coordinated
+from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.localisation.section import localisation_sections as localisation
 from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.section import ReportSection
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
 
@@ -22,15 +27,18 @@ OF_WINDOW = (
 )
 
 
-def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -> list[ReportSection]:
+def added_sections(
+    clean: Path, adversarial: Sequence[Path], options: Options, summaries: Sequence[Summary] = ()
+) -> list[ReportSection]:
     """The sections of all families; where frames were chosen, with a note on the window of each.
 
     A family without results adds no section. Raises AdvpipeError for options that choose no frame.
     """
     window = window_of(BagReader(clean), options.frames, options.lidar_topic)
+    seen = partial(coordinated, detected=_detected(clean, options, summaries))
     sections = [
         section
-        for family in (coordinated, localisation, v2x)
+        for family in (seen, localisation, v2x)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
     if window.end_ns is not None:
@@ -46,3 +54,15 @@ def added_sections(clean: Path, adversarial: Sequence[Path], options: Options) -
         lidar_topic=options.lidar_topic,
     )
     return [*sections, *fused]
+
+
+def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> dict[Path, DetectedFrames]:
+    """What the first detector found in the clouds of each adversarial bag that it was shown."""
+    if not summaries:
+        return {}
+    vehicle = find_lidar_topic(BagReader(clean), options.lidar_topic).strip("/").partition("/")[0]
+    return {
+        each.comparison.bag: DetectedFrames(vehicle, each.per_frame)
+        for each in of_first_detector(summaries)
+        if each.comparison.bag
+    }

@@ -71,7 +71,7 @@ def evaluate(
             for comparison in track(comparisons, "metrics and their intervals", len(comparisons)):
                 warnings = comparison_warnings(comparison, clean, options.lidar_topic)
                 summaries.append(summarise(comparison, options.bootstrap_draws, options.seed, warnings))
-        sections = [*attacked_sections(summaries), *added_sections(clean, adversarial, options)]
+        sections = [*attacked_sections(summaries), *added_sections(clean, adversarial, options, summaries)]
         if not models and any(section.key == COOPERATIVE for section in sections):
             first = options.detectors[0]  # only that section needed a detector
             models = {first: load_detector(first, options.device)}

@@ -34,8 +34,8 @@ from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.detection.scoring import CachedDetector, ground_truth, match
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.pictures import to_png
-from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
+from advpipe.stages.evaluate.report.pictures import picture_of
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportSection, Table
 
 SHOWN_SCORE = 0.3
 """The lowest score of the boxes in the picture."""
@@ -106,14 +106,14 @@ def cooperative_sections(
         f"Perception of {names[0]}, fused with that of {names[1]}, when the pose error is largest relative "
         "to their distance"
     )
-    picture = to_png(draw_fused(most_displaced, *names))
+    picture = picture_of(SECTION, "", "cooperative.png", caption, draw_fused(most_displaced, *names))
     return (
         ReportSection(
             key=KEY,
             title=title,
             lead=f"{names[0]} fuses its own perception with what {names[1]} shares, while poses are false.",
             tables=(_table(rows),),
-            pictures=(ReportPicture(SECTION, "", "cooperative.png", caption, picture),),
+            pictures=(picture,),
             records=tuple(rows),
             formulas=FORMULAS,
             terminal=(_overview(rows),),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.stages.evaluate.cooperative.pair import poses
 from advpipe.stages.evaluate.coordinated.attack_timeline import Int64, touched_points
 from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments
@@ -51,8 +52,25 @@ class Effect:
     is_by_cloud: bool = False
 
 
-def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DRIVE) -> Iterator[Effect]:
-    """The effects on a vehicle's position estimate, map and clouds in a window, if both bags record them."""
+@dataclass(frozen=True)
+class DetectedFrames:
+    """What a detector found in the clouds of a vehicle, clean and attacked."""
+
+    vehicle: str
+    frames: Sequence[FrameRow]
+
+
+def effects(
+    clean: BagReader,
+    bag: Path,
+    vehicle: str,
+    window: Window = WHOLE_DRIVE,
+    detected: DetectedFrames | None = None,
+) -> Iterator[Effect]:
+    """The effects on a vehicle's position estimate, map and clouds in a window, if both bags record them.
+
+    detected: in the clouds of the bag, for the objects that the detector misses.
+    """
     reader, topics = BagReader(bag), VehicleTopics(vehicle)
     needed = {
         _position_error: (topics.odometry.name, topics.true_odometry.name),
@@ -69,6 +87,16 @@ def effects(clean: BagReader, bag: Path, vehicle: str, window: Window = WHOLE_DR
         touched = _series(counts).within(window)
         none = Series(touched.times_ns, np.zeros(len(touched.values)))
         yield Effect("points_touched", "points changed per cloud", 0, none, touched, True)
+
+    if detected is not None and detected.vehicle == vehicle:
+        before, after = (_missed(detected.frames, condition).within(window) for condition in ("clean", "adv"))
+        yield Effect("objects_missed", "evaluated objects missed per cloud", 1, before, after, True)
+
+
+def _missed(frames: Sequence[FrameRow], condition: str) -> Series:
+    """The evaluated objects of each frame that the detector does not find, at loose overlap."""
+    clouds = {row.stamp_ns: (row.objects, row.clouds.get(condition)) for row in frames}
+    return _series({ns: count - cloud.found_objects for ns, (count, cloud) in clouds.items() if cloud})
 
 
 def _position_error(reader: BagReader, vehicle: str, window: Window) -> Series:

@@ -27,7 +27,7 @@ def draw_coordinated(
     """
     from advpipe.pipeline.core.figure import Figure
 
-    heights = [0.3 + 0.4 * len(timelines), *(1.5 for _ in effects)]
+    heights = [0.3 + 0.4 * len(timelines), *(1.1 for _ in effects)]
     size = (11.0, sum(heights) + 1.0)
     figure = Figure(figsize=size, dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,11 +16,11 @@ from advpipe.pipeline.results.coordinated import (
     TogetherMetrics,
 )
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_attack_timelines
-from advpipe.stages.evaluate.coordinated.effects import Effect, effects
+from advpipe.stages.evaluate.coordinated.effects import DetectedFrames, Effect, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.pictures import picture_of
 from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 FORMULAS = (
@@ -35,7 +35,11 @@ FORMULAS = (
 
 
 def coordinated_sections(
-    clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
+    clean: Path,
+    adversarial: Sequence[Path],
+    seed: int = 0,
+    window: Window = WHOLE_DRIVE,
+    detected: Mapping[Path, DetectedFrames] | None = None,
 ) -> tuple[ReportSection, ...]:
     """One section on the vehicles that attacks of two or three families attack in one bag; else none.
 
@@ -60,15 +64,17 @@ def coordinated_sections(
     if together_on:
         for bag, vehicle, timelines in track(together_on, "coordinated attacks", len(together_on)):
             name = bag_name(bag)
-            span_ns, found_effects = together(timelines), list(effects(reader, bag, vehicle, window))
+            span_ns, seen = together(timelines), (detected or {}).get(bag)
+            found_effects = list(effects(reader, bag, vehicle, window, seen))
             leads.append(_lead(name, vehicle, timelines, span_ns, start_ns))
             lines += [_line(name, one, start_ns) for one in timelines]
             if span_ns is not None:
                 outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in found_effects]
             records.append(_record(name, vehicle, timelines, found_effects, span_ns, start_ns))
             caption = f"{name}: the attacks on {vehicle} and their effects"
-            png = to_png(draw_coordinated(timelines, found_effects, span_ns, start_ns))
-            pictures.append(ReportPicture(SECTION, name, f"{name}-{vehicle}-coordinated.png", caption, png))
+            figure = draw_coordinated(timelines, found_effects, span_ns, start_ns)
+            file_name = f"{name}-{vehicle}-coordinated.png"
+            pictures.append(picture_of(SECTION, name, file_name, caption, figure))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
     names = [bag_name(bag) for bag in apart if _has_several_families(bag)]
     if window != WHOLE_DRIVE and names:

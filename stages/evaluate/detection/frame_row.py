@@ -1,4 +1,4 @@
-"""One frame in counts: objects lost and false positives in each of its clouds."""
+"""One frame in counts: objects lost and displaced, and false positives, in each of its clouds."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ def lost_objects(
     """Which objects (M,) the detector finds on the clean cloud and misses on the other one."""
     found, still = (found_objects(truth, each.matches, min_score, criterion) for each in (clean, cloud))
     return found & ~still
+
+
+def displaced_objects(truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
+    """Which objects (M,) are found strictly on the clean cloud, and on the other at loose overlap only."""
+    loosely = found_objects(truth, cloud.matches, min_score)
+    return lost_objects(truth, clean, cloud, min_score, "strict") & loosely
 
 
 def new_false_positives(clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
@@ -57,4 +63,5 @@ def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> CloudCo
         lost_objects=int(lost.sum()),
         new_false_positives=int(new_false_positives(frame.clean, cloud, min_score).sum()),
         lost_objects_recounted=int((lost & ~cloud.emptied).sum()),
+        displaced_objects=int(displaced_objects(frame.truth, frame.clean, cloud, min_score).sum()),
     )

@@ -20,7 +20,11 @@ from advpipe.pipeline.results.match_row import (
 )
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
-from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
+from advpipe.stages.evaluate.detection.frame_row import (
+    displaced_objects,
+    lost_objects,
+    new_false_positives,
+)
 from advpipe.stages.evaluate.detection.scoring import CRITERIA, labelled
 
 Column = npt.NDArray[np.generic]
@@ -30,6 +34,7 @@ def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score:
     """Each detection under a condition, then each object; `min_score` is the working point."""
     cloud, truth = frame.all_clouds()[condition], frame.truth
     lost = lost_objects(truth, frame.clean, cloud, min_score)
+    displaced = displaced_objects(truth, frame.clean, cloud, min_score)
     new = new_false_positives(frame.clean, cloud, min_score)
     emptied = cloud.emptied if len(cloud.emptied) else np.zeros(len(truth.boxes), dtype=bool)
     outcomes = _outcomes(frame, cloud)
@@ -56,6 +61,7 @@ def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score:
                 occlusion=_none_if_undefined(truth.occlusion[number]) if is_truth else None,
                 **{name: values[number] for name, values in outcomes[kind].items()},
                 is_lost=bool(lost[number]) if is_truth else None,
+                is_displaced=bool(displaced[number]) if is_truth else None,
                 is_emptied=bool(emptied[number]) if is_truth else None,
                 is_new=None if is_truth else bool(new[number]),
             )

@@ -137,9 +137,9 @@ def ratio(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
 
 
-def ratio_draws(evaluated: ConditionMatches, whole: ConditionMatches) -> Float64:
+def ratio_draws(evaluated: ConditionMatches, whole: ConditionMatches, criterion: str = "strict") -> Float64:
     """The mAP ratio in percent (draws,); NaN where the whole is 0."""
-    return 100 * evaluated.map_draws() / above_0(whole.map_draws())
+    return 100 * evaluated.map_draws(criterion) / above_0(whole.map_draws(criterion))
 
 
 def above_0(values: Float64) -> Float64:

@@ -1,4 +1,4 @@
-"""Objects that an attack hides and false positives that it causes, by class and range."""
+"""Objects that an attack hides or displaces and false positives that it causes, by class and range."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from advpipe.pipeline.results.records import SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
-from advpipe.stages.evaluate.detection.frame_row import lost_objects, new_false_positives
+from advpipe.stages.evaluate.detection.frame_row import (
+    displaced_objects,
+    lost_objects,
+    new_false_positives,
+)
 from advpipe.stages.evaluate.detection.metrics import above_0, ratio
 from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
@@ -40,8 +44,8 @@ def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]
 def _record(scored: Scored, result: ResultRow, condition: str, name: str, stratum: Stratum) -> SuccessRecord:
     frames, bootstrap, attack = scored.comparison.frames, scored.bootstrap, result.attack
     counts = np.array([_counts(frame, condition, name, stratum, scored.min_score) for frame in frames])
-    # (F, 5): found, lost and new at loose overlap, found and lost at strict overlap
-    found, lost, new, strictly_found, strictly_lost = (int(count) for count in counts.sum(axis=0))
+    # (F, 6): found, lost and new at loose overlap, found and lost at strict overlap, displaced
+    found, lost, new, strictly_found, strictly_lost, displaced = (int(count) for count in counts.sum(axis=0))
     return SuccessRecord(
         result.bag,
         result.detector,
@@ -56,11 +60,12 @@ def _record(scored: Scored, result: ResultRow, condition: str, name: str, stratu
         found_clean=found,
         lost=lost,
         attack_success_percent=100 * ratio(lost, found),
-        attack_success_ci95=percentile_interval(_rate_draws(counts[:, :2], bootstrap)),
+        attack_success_ci95=percentile_interval(share_draws(counts[:, :2], bootstrap)),
         strict_found_clean=strictly_found,
         strict_lost=strictly_lost,
         strict_attack_success_percent=100 * ratio(strictly_lost, strictly_found),
-        strict_attack_success_ci95=percentile_interval(_rate_draws(counts[:, 3:], bootstrap)),
+        strict_attack_success_ci95=percentile_interval(share_draws(counts[:, 3:5], bootstrap)),
+        displaced=displaced,
         new_false_positives=new,
     )
 
@@ -80,12 +85,13 @@ def _counts(
         int((new_false_positives(frame.clean, cloud, min_score) & detections).sum()),
         int((found_objects(truth, frame.clean.matches, min_score, "strict") & objects).sum()),
         int((lost_objects(truth, frame.clean, cloud, min_score, "strict") & objects).sum()),
+        int((displaced_objects(truth, frame.clean, cloud, min_score) & objects).sum()),
     )
 
 
-def _rate_draws(counts: Int64, bootstrap: BlockBootstrap) -> npt.NDArray[np.float64]:
-    """The share of lost objects in percent in each draw; counts: (F, 2), found and lost."""
-    found, lost = (
+def share_draws(counts: Int64, bootstrap: BlockBootstrap) -> npt.NDArray[np.float64]:
+    """A part in percent of a whole in each draw; counts: (F, 2), the whole and the part in each frame."""
+    whole, part = (
         np.bincount(bootstrap.block, counts[:, column], minlength=bootstrap.n_blocks) for column in (0, 1)
     )
-    return bootstrap.samples(lambda times: 100 * (times @ lost) / above_0((times @ found).astype(np.float64)))
+    return bootstrap.samples(lambda times: 100 * (times @ part) / above_0((times @ whole).astype(np.float64)))

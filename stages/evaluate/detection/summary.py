@@ -14,11 +14,12 @@ from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.frame_row import FrameRow
-from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
+from advpipe.pipeline.results.records import DefenceRecord, EffectRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.comparison import Comparison
+from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches, Precision
 from advpipe.stages.evaluate.detection.defended import defence_records
+from advpipe.stages.evaluate.detection.effect import effect_records
 from advpipe.stages.evaluate.detection.frame_row import frame_row
 from advpipe.stages.evaluate.detection.result import result_row
 from advpipe.stages.evaluate.detection.scored import Scored
@@ -39,7 +40,8 @@ class Summary:
     min_score: the working point for counts and pictures: the best F1 on the clean clouds.
     precisions: average precisions by condition. curves: by condition, criterion and class, recall and
     precision (G,) from the highest score down. defended: a record for each defence. success: a record for
-    each condition, class and range.
+    each condition, class and range. effects: a record for each condition, over all frames and over the
+    attacked ones.
     """
 
     comparison: Comparison
@@ -50,6 +52,7 @@ class Summary:
     curves: Mapping[tuple[str, str, str], tuple[Float64, Float64]]
     defended: tuple[DefenceRecord, ...] = ()
     success: tuple[SuccessRecord, ...] = ()
+    effects: tuple[EffectRecord, ...] = ()
 
 
 def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[str] = ()) -> Summary:
@@ -66,8 +69,12 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
             f"({', '.join(classes)}) has {MIN_POINTS} points and lies in its range; evaluate more frames"
         )
     in_map, notes = classes_in_map(boxes)
-    stamps_ns = [frame.stamp_ns for frame in frames]
-    bootstrap = BlockBootstrap.of(stamps_ns, draws, named_generator(seed, "evaluate", "bootstrap"))
+
+    def bootstrap_of(chosen: Sequence[FrameResult]) -> BlockBootstrap:
+        stamps_ns = [frame.stamp_ns for frame in chosen]
+        return BlockBootstrap.of(stamps_ns, draws, named_generator(seed, "evaluate", "bootstrap"))
+
+    bootstrap = bootstrap_of(frames)
     # A baseline that only some frames have, such as those with a moved point, is left out.
     conditions = [
         condition for condition in frames[0].clouds() if all(condition in frame.clouds() for frame in frames)
@@ -103,6 +110,7 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
         },
         tuple(defence_records(scored, result)),
         tuple(success_records(scored, result, conditions[1:])),
+        tuple(effect_records(scored, result, conditions[1:], bootstrap_of)),
     )
 
 

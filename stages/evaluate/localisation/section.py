@@ -25,7 +25,7 @@ from advpipe.stages.evaluate.localisation.metrics import (
 from advpipe.stages.evaluate.localisation.plot import draw_localisation
 from advpipe.stages.evaluate.localisation.track import LocalisationTrack, attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.pictures import picture_of
 from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 FORMULAS = (
@@ -121,7 +121,7 @@ def _compare(
         row = localisation_record(name, vehicle, before, after, attacked_ns)
         figure = draw_localisation(before, after, was_attacked(before, attacked_ns), of_what)
         caption = f"{name}: trajectory of {vehicle}, its localisation error and its innovations over time"
-        yield row, ReportPicture(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, to_png(figure))
+        yield row, picture_of(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, figure)
 
 
 def _attacked_vehicles(

@@ -13,6 +13,7 @@ from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import of_first_detector
+from advpipe.stages.evaluate.report.effects import effects_section
 from advpipe.stages.evaluate.report.numbers import (
     NOTHING,
     formatted_number,
@@ -36,6 +37,7 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
     if any(summary.result.baselines for summary in attacked):
         yield baselines_section(attacked)
     if attacked:
+        yield effects_section({title_of(each, attacked): each for each in attacked})
         yield success_section(attacked)
         yield change_section(of_first_detector(attacked))
         yield recount_section(attacked)
@@ -83,7 +85,7 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
         "Against plain random baselines of equal budget",
         "Δ: the attack's mAP ratio minus the baseline's, in percentage points, drawn together; the attack is "
         f"significantly stronger if the 95 % interval of Δ lies below 0. {RANDOM_BEST}",
-        (Table("", heads, tuple(lines)),),
+        (Table("mAP ratio at strict overlap of each attack and random baseline", heads, tuple(lines)),),
         records=tuple(
             _baseline_record(summary.result, name)
             for summary in summaries
@@ -138,7 +140,8 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
                     formatted_number(random.new_false_positives if random else None, 0),
                 )
             )
-        tables.append(Table(title_of(summary, summaries), heads, tuple(lines)))
+        title = f"Objects lost and new false positives: {title_of(summary, summaries)}"
+        tables.append(Table(title, heads, tuple(lines)))
     return ReportSection(
         "attack_success",
         "Attack success by class and range",
@@ -162,7 +165,8 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
         changed = {"attacked": summary.result.attacked}
         changed |= {baseline_title(name): each.metrics for name, each in summary.result.baselines.items()}
         lines = tuple(_change_line(name, each) for name, each in changed.items() if each)
-        tables.append(Table(title_of(summary, summaries), heads, lines))
+        title = f"Changes of the clouds: {title_of(summary, summaries)}"
+        tables.append(Table(title, heads, lines))
     return ReportSection(
         "changes",
         "Changes of the clouds",
@@ -220,7 +224,7 @@ def recount_section(summaries: Sequence[Summary]) -> ReportSection:
         "All other tables count the objects of the clean clouds. Recounted, objects with too few points left "
         "no longer count, and others may count instead. The mAP ratio is at strict overlap; lost objects, "
         "and attack success, their share of the objects found, are at loose overlap and the working score.",
-        (Table("", heads, tuple(lines)),),
+        (Table("Objects of the clean clouds, and recounted on the attacked ones", heads, tuple(lines)),),
     )
 
 
@@ -264,7 +268,7 @@ def defences_section(summaries: Sequence[Summary]) -> ReportSection:
         "takes it into account. Kept: mAP on clean clouds under the defence, in percent of the mAP without "
         "it. Ratio: mAP on attacked clouds in percent of that on clean clouds, both under the defence. Last "
         "column: mAP on attacked clouds under the defence, in percent of that on clean clouds without it.",
-        (Table("", heads, tuple(lines)),),
+        (Table("Each attack under each defence", heads, tuple(lines)),),
         records=tuple(each for summary in summaries for each in summary.defended),
     )
 

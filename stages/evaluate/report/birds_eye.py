@@ -1,7 +1,7 @@
 """Bird's-eye pictures: a frame before and after the attack, and a close-up of a lost object.
 
 Forward is up. Truth in blue and predictions in red, as in the paper's figures; lost objects are
-marked in orange.
+marked in orange, displaced ones in teal, each with score and IoU of the best box left of it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,16 @@ from advpipe.pipeline.birds_eye import (
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.evaluate.report.scene import CloudView, ReportScene, crop
-from advpipe.stages.evaluate.report.style import LOST, PREDICTION
+from advpipe.stages.evaluate.report.style import DISPLACED, LOST, PREDICTION
 
 ZOOM_M = 12.0
 """Side of the picture of one object."""
 
 SMALL_M2 = 4.0
+
+LOST_TEXT = "#a85a00"
+"""A darker orange, in which small texts are legible on white."""
+
 WIDTH_IN, HEAD_IN, FOOT_IN, CLEAN_IN = 15.0, 0.85, 0.55, 8.0
 
 
@@ -125,7 +129,25 @@ def draw_view(
     draw_boxes(axes, view.predictions, PREDICTION, line)
     # A lost object is one of the attacked cloud; on a clean bag alone, one that is missed.
     if scene.after is None or view is scene.after:
-        draw_boxes(axes, boxes[scene.lost], LOST, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False)
+        for chosen, colour in ((scene.lost, LOST), (scene.displaced, DISPLACED)):
+            if chosen is not None:
+                draw_boxes(
+                    axes, boxes[chosen], colour, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False
+                )
+        _draw_marks(axes, scene, limits, 7 if rings else 10)
+
+
+def _draw_marks(axes: Axes, scene: ReportScene, limits: Limits, size: float) -> None:
+    """Score and IoU below each displaced or lost object within the limits."""
+    x_min, x_max, y_min, y_max = limits
+    for number, text in scene.marks.items():
+        x, y, length_m = scene.truth.boxes.geometry[number][[0, 1, 3]]
+        if x_min < x < x_max and y_min < y < y_max:
+            axes.text(
+                y, x - length_m / 2 - 1.2, text, fontsize=size, ha="center", va="top", zorder=7,
+                color=LOST_TEXT if scene.lost[number] else DISPLACED, clip_on=True,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8},
+            )  # fmt: skip
 
 
 def _draw_changes(axes: Axes, scene: ReportScene, view: CloudView, area: float) -> None:
@@ -142,7 +164,9 @@ def _draw_changes(axes: Axes, scene: ReportScene, view: CloudView, area: float) 
     )  # fmt: skip
     for indices, colour in ((scene.change.added, ADDED), (scene.change.moved, MOVED)):
         points = xyz(view.cloud[indices])
-        axes.scatter(points[:, 1], points[:, 0], color=colour, s=area * 4.5, linewidths=0, zorder=3)
+        axes.scatter(
+            points[:, 1], points[:, 0], color=colour, s=area * 4.5, linewidths=0, zorder=3, rasterized=True
+        )
 
 
 def _draw_frame_of(axes: Axes, limits: Limits) -> None:
@@ -168,8 +192,11 @@ def legend(scene: ReportScene) -> list[Line2D]:
             1, Line2D([], [], color=TRUTH, linewidth=1, linestyle="dotted", label="truth, ignored")
         )
     if scene.lost.any():
-        label = "lost object (loose overlap)" if scene.after else "missed object (loose overlap)"
+        label = "lost object (not found), score and IoU" if scene.after else "missed object (loose overlap)"
         entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=label))
+    if scene.displaced is not None and scene.displaced.any():
+        label = "displaced object (loose overlap only)"
+        entries.append(Line2D([], [], color=DISPLACED, linewidth=2, linestyle="dashed", label=label))
     if scene.change:
         for count, colour, label in (
             (len(scene.change.removed), REMOVED, "removed"),

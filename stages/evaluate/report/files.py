@@ -38,7 +38,8 @@ def write_report(
     pictures = draw_pictures(clean, summaries, options.lidar_topic)
     (folder / "figures").mkdir()
     for picture in [*pictures, *(picture for section in report.sections for picture in section.pictures)]:
-        (folder / "figures" / picture.file_name).write_bytes(picture.png)
+        for name, content in picture.files.items():
+            (folder / "figures" / name).write_bytes(content)
     scenes = viewer_scenes(clean, of_first_detector(summaries), options.lidar_topic) if options.scene else []
     write_html(report, summaries, pictures, folder / "report.html", viewer_html(scenes))
     if options.detections and summaries:

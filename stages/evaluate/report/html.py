@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
 
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.evaluation import plain_value
@@ -17,14 +22,22 @@ from advpipe.stages.evaluate.report.clean import (
     of_first_detector,
     strata_tables,
 )
+from advpipe.stages.evaluate.report.fates import fates_table
+from advpipe.stages.evaluate.report.headline import first_screen
+from advpipe.stages.evaluate.report.headline_detection import strongest_attack
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.page import rendered
+from advpipe.stages.evaluate.report.page_table import shown_table
+from advpipe.stages.evaluate.report.pictures import WORST
 from advpipe.stages.evaluate.report.report import Report
-from advpipe.stages.evaluate.report.scene import attack_title
-from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture
-from advpipe.stages.evaluate.report.table import lines, lost_of, table_notes
+from advpipe.stages.evaluate.report.scene import attack_title, worst_frames
+from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture, Table
+from advpipe.stages.evaluate.report.table import lost_of, results_table, table_notes
 
-TEMPLATE = Path(__file__).with_name("template.html")
+TEMPLATE, STYLE = (Path(__file__).with_name(name) for name in ("template.html", "page.css"))
+
+TIMELINE = "coordinated"
+"""The section whose pictures, on one time axis, stand at the top."""
 
 
 def write_html(
@@ -35,41 +48,90 @@ def write_html(
     viewer: str = "",
 ) -> None:
     """Write report.html: tables, pictures, formulas and provenance; viewer: HTML of frames in 3D, or none."""
+    own, first = of_first_detector(summaries), first_screen(report)
+    cleans = distinct_clean(own)
+    sections = [_attack_section(summary, pictures) for summary in own if summary.comparison.bag]
+    clean_sections = [_clean_section(summary, pictures, len(cleans)) for summary in cleans]
+    overview = _of(pictures, OVERVIEW, "")
+    timelines = [each for section in report.sections if section.key == TIMELINE for each in section.pictures]
     page = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
-        title=report.origin.clean,
-        detectors=report.origin.detectors,
-        is_attacked=any(summary.comparison.bag for summary in summaries) or bool(report.sections),
-        lines=lines(report),
+        {"shown": partial(shown_table, formulas=report.formulas), "anchor": _anchor},
+        css=Markup(STYLE.read_text(encoding="utf-8")),
+        first=first,
+        contents=_contents(report, sections, clean_sections, overview, viewer),
+        is_clean=any(headline.section == "clean" for headline in first.headlines),
+        lines=results_table(report),
         notes=table_notes(report),
         warnings=report.warnings,
         lost=lost_of(report),
         viewer=viewer,
-        overview=_of(pictures, OVERVIEW, ""),
-        clean_sections=[
-            {
-                "lead": lead(summary),
-                "bag": summary.comparison.name,
-                "by_class": class_table(summary),
-                "strata": strata_tables(summary),
-                "pictures": _of(pictures, CLEAN, summary.comparison.name),
-            }
-            for summary in distinct_clean(of_first_detector(summaries))
-        ],
+        overview=overview,
+        worst=_worst(report, pictures) if not timelines else None,
+        timelines=timelines,
+        clean_sections=clean_sections,
         added=report.sections,
-        sections=[
-            {
-                "title": attack_title(summary.result.attack),
-                "pictures": _of(pictures, ATTACK, summary.comparison.name),
-                "precisions": precision_rows(summary.result),
-            }
-            for summary in of_first_detector(summaries)
-            if summary.comparison.bag
-        ],
+        sections=sections,
         formulas=report.formulas,
         provenance=json.dumps(plain_value(report.origin.record()), indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")
+
+
+def _attack_section(summary: Summary, pictures: Sequence[ReportPicture]) -> dict[str, Any]:
+    """Frames before and after an attack, and what it does to average precision."""
+    fates = fates_table(worst_frames(summary, WORST), summary.min_score)
+    return {
+        "id": f"bag-{_anchor(summary.comparison.name)}",
+        "title": attack_title(summary.result.attack),
+        "pictures": _of(pictures, ATTACK, summary.comparison.name),
+        "tables": [
+            *([fates] if fates.lines else []),
+            _precision_table(summary.result),
+        ],
+    }
+
+
+def _clean_section(summary: Summary, pictures: Sequence[ReportPicture], count: int) -> dict[str, Any]:
+    frames = f", frames of {summary.comparison.name}" if count > 1 else ""
+    return {
+        "title": f"The detector on the clean clouds{frames}",
+        "lead": lead(summary),
+        "by_class": class_table(summary),
+        "strata": strata_tables(summary),
+        "pictures": _of(pictures, CLEAN, summary.comparison.name),
+    }
+
+
+def _contents(
+    report: Report,
+    sections: Sequence[Mapping[str, Any]],
+    clean_sections: Sequence[Mapping[str, Any]],
+    overview: Sequence[ReportPicture],
+    viewer: str,
+) -> list[tuple[str, str]]:
+    """The parts of the page by their ids, in their order."""
+    parts = [("summary", "Summary")]
+    parts += [("results", "All results")] if overview else []
+    parts += [("scene", "Scene in 3D")] if viewer else []
+    parts += [(section.key, section.title) for section in report.sections]
+    parts += [(section["id"], section["title"]) for section in sections]
+    parts += [
+        ("clean" if number == 1 else f"clean-{number}", section["title"])
+        for number, section in enumerate(clean_sections, start=1)
+    ]
+    return [*parts, ("definitions", "How the metrics are computed"), ("provenance", "Provenance")]
+
+
+def _worst(report: Report, pictures: Sequence[ReportPicture]) -> ReportPicture | None:
+    """The worst frame of the strongest attack, or of the clean bag where its clouds were not attacked."""
+    bag = strongest_attack(report).bag if any(row.attacked for row in report.results) else ""
+    return next((each for each in pictures if each.is_worst and bag in ("", each.bag)), None)
+
+
+def _anchor(name: str) -> str:
+    """The id in the page of a definition or a bag."""
+    return "term-" + re.sub(r"[^a-zA-Z0-9]+", "-", name)
 
 
 def _of(pictures: Sequence[ReportPicture], section: str, bag: str) -> list[ReportPicture]:
@@ -94,3 +156,11 @@ def precision_rows(result: ResultRow) -> list[list[str]]:
         for name in CLASSES
         if name in result.boxes
     ]
+
+
+def _precision_table(result: ResultRow) -> Table:
+    criteria = ("strict 3D", "loose 3D", "strict bird's-eye")
+    conditions = ("clean", "attack", "one random draw")
+    heads = ("class", "boxes", *(f"{each}: {cloud}" for each in criteria for cloud in conditions))
+    lines = tuple(tuple(line) for line in precision_rows(result))
+    return Table("Average precision (R40) by class, in [0, 1]", heads, lines)

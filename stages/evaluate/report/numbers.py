@@ -41,7 +41,12 @@ def with_interval(value: object, bounds: object, digits: int = 1) -> str:
 
 def shown_interval(bounds: Interval, counts: FrameCounts) -> Interval:
     """The interval that tables show; None where the frames fill fewer than `MIN_BLOCKS` blocks."""
-    return bounds if counts.blocks >= MIN_BLOCKS else None
+    return interval_of_blocks(bounds, counts.blocks)
+
+
+def interval_of_blocks(bounds: Interval, blocks: int) -> Interval:
+    """The same of frames that fill this number of blocks."""
+    return bounds if blocks >= MIN_BLOCKS else None
 
 
 def interval_cell(bounds: Interval, counts: FrameCounts, digits: int = 1) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
@@ -11,10 +12,10 @@ from markupsafe import Markup, escape
 from advpipe.pipeline.core.text import escape_unprintable
 
 
-def rendered(template: str, **values: Any) -> str:
+def rendered(template: str, filters: Mapping[str, Callable[..., Any]] | None = None, **values: Any) -> str:
     """The page that a Jinja template makes of the values; text that is not HTML yet is escaped.
 
-    The filter `prose` shows what stands between backticks as code.
+    The filter `prose` shows what stands between backticks as code; filters: others, by name.
     """
     environment = Environment(
         autoescape=True,
@@ -23,7 +24,7 @@ def rendered(template: str, **values: Any) -> str:
         lstrip_blocks=True,
         finalize=_without_controls,
     )
-    environment.filters["prose"] = _with_code
+    environment.filters |= {"prose": _with_code, **(filters or {})}
     return environment.from_string(template).render(**values)
 
 

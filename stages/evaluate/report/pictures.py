@@ -1,9 +1,10 @@
-"""The pictures of a report, as PNG files and for the page itself."""
+"""The pictures of a report, as PNG, SVG and PDF."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from matplotlib import rc_context
@@ -25,6 +26,9 @@ from advpipe.stages.evaluate.report.strata_plot import draw_strata
 WORST, BEST = 3, 1
 WORST_CLEAN, BEST_CLEAN = 2, 2
 
+POINTS_DPI = 220
+"""Of the points of clouds in vector pictures, where they are pixels."""
+
 
 def draw_pictures(
     clean: Path, summaries: Sequence[Summary], lidar_topic: str | None = None
@@ -35,14 +39,14 @@ def draw_pictures(
     if rows:
         figure = draw_ratios(rows)
         pictures.append(
-            ReportPicture(OVERVIEW, "", "map_ratio.png", "mAP ratio of each attack", to_png(figure))
+            picture_of(OVERVIEW, "", "map_ratio.png", "mAP ratio of each attack, in percent", figure)
         )
     for number, group in enumerate(budget_groups(rows)):
         seen_by = short_name(group[0].detector)
         attack = attack_name(group[0].attack)
         caption = f"mAP ratio over budget and Chamfer distance: {attack}, seen by {seen_by}"
         name = f"budget{number + 1}.png"
-        pictures.append(ReportPicture(OVERVIEW, "", name, caption, to_png(draw_budget_curves(group))))
+        pictures.append(picture_of(OVERVIEW, "", name, caption, draw_budget_curves(group)))
     first = of_first_detector(summaries)
     for number, summary in enumerate(distinct_clean(first)):
         pictures += _clean_pictures(summary, f"-{summary.comparison.name}" if number else "")
@@ -54,20 +58,20 @@ def draw_pictures(
 def _clean_pictures(summary: Summary, suffix: str) -> Iterator[ReportPicture]:
     """Average precision on the clean clouds."""
     bag = summary.comparison.name
-    yield ReportPicture(
+    yield picture_of(
         CLEAN,
         bag,
         f"precision_recall{suffix}.png",
         "Precision over recall on the clean clouds, with AP R40",
-        to_png(draw_precision_curves(summary, CLEAN_LINES)),
+        draw_precision_curves(summary, CLEAN_LINES),
     )
-    yield ReportPicture(
+    yield picture_of(
         CLEAN,
         bag,
         f"strata{suffix}.png",
         "Average precision of parts of the objects, with its 95 % interval where there is one; the number is "
         "that of the boxes",
-        to_png(draw_strata(summary.precisions["clean"])),
+        draw_strata(summary.precisions["clean"]),
     )
 
 
@@ -81,21 +85,45 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
             "anywhere; with AP R40"
         )
         figure = draw_precision_curves(summary, ATTACK_LINES)
-        yield ReportPicture(section, bag, f"{bag}-precision_recall.png", caption, to_png(figure))
+        yield picture_of(section, bag, f"{bag}-precision_recall.png", caption, figure)
     worst = worst_frames(summary, WORST if attacked else WORST_CLEAN)
     best = best_frames(summary, BEST if attacked else BEST_CLEAN, worst)
     for which, frames in (("Worst", worst), ("Best", best)):
-        for frame in frames:
+        for rank, frame in enumerate(frames):
             scene = load_scene(clean, summary, frame, lidar_topic)
             caption = f"{which} frames: {scene.title}"
-            png = to_png(draw_scene(scene))
-            yield ReportPicture(section, bag, f"{scene.name}.png", caption, png, is_wide=attacked)
+            drawn = picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
+            yield replace(drawn, is_worst=which == "Worst" and rank == 0)
+
+
+def picture_of(
+    section: str, bag: str, file_name: str, caption: str, figure: Figure, is_wide: bool = True
+) -> ReportPicture:
+    """The figure in all formats; file_name: of the PNG."""
+    png = to_png(figure)
+    return ReportPicture(
+        section, bag, file_name, caption, png, is_wide, svg=to_svg(figure), pdf=to_pdf(figure)
+    )
 
 
 def to_png(figure: Figure) -> bytes:
     """The figure as PNG, the same bytes for the same figure; no display is needed."""
+    FigureCanvasAgg(figure)
+    return _saved(figure, "png", {"Software": None})
+
+
+def to_svg(figure: Figure) -> bytes:
+    """The figure as SVG, the same bytes for the same figure; texts are outlines, which need no font."""
+    return _saved(figure, "svg", {"Date": None}, dpi=POINTS_DPI)
+
+
+def to_pdf(figure: Figure) -> bytes:
+    """The figure as PDF, the same bytes for the same figure; its fonts are embedded as TrueType."""
+    return _saved(figure, "pdf", {"CreationDate": None}, dpi=POINTS_DPI)
+
+
+def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: float | str = "figure") -> bytes:
     stream = io.BytesIO()
-    with rc_context({"font.family": "DejaVu Sans"}):
-        FigureCanvasAgg(figure)
-        figure.savefig(stream, format="png", metadata={"Software": None})
+    with rc_context({"font.family": "DejaVu Sans", "svg.hashsalt": "advpipe", "pdf.fonttype": 42}):
+        figure.savefig(stream, format=kind, metadata=metadata, dpi=dpi)
     return stream.getvalue()

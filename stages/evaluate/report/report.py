@@ -108,6 +108,13 @@ DEFINITIONS = (
         "the working_score (the best F1 on the clean clouds)",
         ("lost_objects", "working_score"),
     ),
+    Formula(
+        "displaced",
+        "displaced objects are found on the clean cloud at strict overlap, and on the other one at loose "
+        "overlap only, both with at least the working_score: the detector still sees that something is "
+        "there, in the wrong place, size or direction",
+        ("displaced_objects", "displaced_percent", "displaced"),
+    ),
 )
 """What the values of detection mean."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,10 @@ from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_di
 from advpipe.pipeline.results.records import TransferRecord
 from advpipe.pipeline.results.row import AttackRecord
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
-from advpipe.stages.evaluate.detection.frame_row import lost_objects
+from advpipe.stages.evaluate.detection.frame_row import displaced_objects, lost_objects
 from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.wording import lost_means
+from advpipe.stages.evaluate.report.fates import best_box, best_detections
 
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -39,6 +39,8 @@ class ReportScene:
     """One frame before and after an attack; `after` and `change` are None for a clean bag alone.
 
     lost: (M,) of the objects in `truth`, at loose overlap; on a clean bag alone, those that are missed.
+    displaced: (M,), found at loose overlap only; None on a clean bag alone. marks: by the number of a lost or
+    displaced object, score and IoU of the best box that the detector has of it after the attack.
     """
 
     title: str
@@ -48,6 +50,8 @@ class ReportScene:
     before: CloudView
     after: CloudView | None
     change: CloudDifference | None
+    displaced: Bool | None = None
+    marks: Mapping[int, str] = field(default_factory=dict)
 
 
 def worst_frames(summary: Summary, count: int) -> list[FrameResult]:
@@ -110,20 +114,32 @@ def load_scene(
         return ReportScene(title, name, frame.truth, lost, before, None, None)
     found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
     seen = frame.adversarial.detections
+    displaced = displaced_objects(frame.truth, frame.clean, frame.adversarial, summary.min_score)
     after = CloudView(
         _cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary)
     )
     return ReportScene(
         f"{attack_title(summary.result.attack)}, frame {frame.index}: "
-        f"{int(lost.sum())} of {found} found objects lost "
-        f"{lost_means(summary.min_score)}",
+        f"{int(lost.sum())} of {found} found objects lost, {int(displaced.sum())} displaced",
         name,
         frame.truth,
         lost,
         before,
         after,
         cloud_difference(before.cloud, after.cloud),
+        displaced,
+        _marks(frame.truth, frame.adversarial, lost | displaced),
     )
+
+
+def _marks(truth: Truth, cloud: CloudResult, chosen: Bool) -> dict[int, str]:
+    """Such as `0.42, IoU 0.58`, of each chosen object."""
+    best, iou = best_detections(truth, cloud)
+    marks = {}
+    for number in np.flatnonzero(chosen).tolist():
+        score, overlap = best_box(cloud, int(best[number]), float(iou[number]))
+        marks[number] = f"{score}, IoU {overlap}" if best[number] >= 0 else score
+    return marks
 
 
 def attack_name(made_by: AttackRecord | TransferRecord) -> str:

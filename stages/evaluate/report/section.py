@@ -31,11 +31,16 @@ class Table:
     note: str = ""
 
 
+MOST_SVG_BYTES = 300_000
+"""The page shows a picture as PNG where its SVG is larger: one of a cloud, whose points are pixels anyway."""
+
+
 @dataclass(frozen=True)
 class ReportPicture:
-    """One PNG of the report.
+    """One picture of the report, as PNG and, where it was drawn by this report, as SVG and PDF.
 
-    bag: whose clouds it shows; in a clean section, the first bag with these frames.
+    bag: whose clouds it shows; in a clean section, the first bag with these frames. file_name: of the PNG.
+    is_worst: shows the worst frame of its bag.
     """
 
     section: str
@@ -44,10 +49,22 @@ class ReportPicture:
     caption: str
     png: bytes
     is_wide: bool = True
+    svg: bytes = b""
+    pdf: bytes = b""
+    is_worst: bool = False
 
     @property
     def data_uri(self) -> str:
-        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
+        """The picture for the page, which shows it without another file."""
+        kind, content = ("svg+xml", self.svg) if 0 < len(self.svg) <= MOST_SVG_BYTES else ("png", self.png)
+        return f"data:image/{kind};base64," + base64.b64encode(content).decode("ascii")
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """Each format that there is, by its file's name."""
+        stem = self.file_name.removesuffix(".png")
+        formats = {self.file_name: self.png, f"{stem}.svg": self.svg, f"{stem}.pdf": self.pdf}
+        return {name: content for name, content in formats.items() if content}
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,20 @@ from matplotlib.axes import Axes
 
 from advpipe.pipeline.birds_eye import INK, LINE, SOFT, TRUTH
 
-__all__ = ["BASELINE", "CLASS_COLOURS", "INK", "LINE", "LOST", "PREDICTION", "SOFT", "TRUTH", "plain_axes"]
+__all__ = [
+    "BASELINE",
+    "CLASS_COLOURS",
+    "DISPLACED",
+    "INK",
+    "LINE",
+    "LOST",
+    "PREDICTION",
+    "SOFT",
+    "TRUTH",
+    "plain_axes",
+]
 
-PREDICTION, LOST = "#d61f26", "#f08c00"
+PREDICTION, LOST, DISPLACED = "#d61f26", "#f08c00", "#0a7f7f"
 """Truth is in blue and predictions in red, as in the paper's figures."""
 
 BASELINE = "#7b8794"

@@ -18,6 +18,7 @@ from advpipe.stages.evaluate.report.numbers import (
     shown_interval,
 )
 from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST, WHITE_BOX, lost_means
 
 CLEAN = "clean"
@@ -106,6 +107,16 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
             if (each.bag, each.detector) == (row.bag, row.detector)
         ]
     return table
+
+
+def results_table(report: Report) -> Table:
+    """All lines as a table of the page."""
+    found = lines(report)
+    return Table(
+        "The detector on clean and attacked clouds, with random baselines of equal budget below each attack",
+        COLUMNS,
+        tuple(tuple(line[column] for column in COLUMNS) for line in found),
+    )
 
 
 def table_notes(report: Report) -> list[str]:

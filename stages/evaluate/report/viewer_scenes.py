@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, count_points
-from advpipe.pipeline.geometry.iou import iou_3d
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.viewer.scene import (
     ALWAYS,
@@ -31,16 +30,14 @@ from advpipe.pipeline.viewer.scene import (
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.scoring import (
     Bool,
-    Int64,
     Truth,
     false_positives,
     found_objects,
     labelled,
 )
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import NOTHING
+from advpipe.stages.evaluate.report.fates import best_box, best_detections
 from advpipe.stages.evaluate.report.scene import (
-    Float64,
     ReportScene,
     attack_title,
     best_frames,
@@ -53,9 +50,6 @@ WORST, BEST = 2, 1
 
 MOST = 6
 """Frames in all; of the other attacks the worst one each."""
-
-OVERLAPS = 0.05
-"""From this IoU on, a detection of its class is told of in an object's story."""
 
 
 def viewer_scenes(
@@ -129,8 +123,8 @@ def _objects(
     ]
     for number, (box, fate) in enumerate(zip(boxes.geometry, fates, strict=True)):
         points = [str(truth.points[number]), *([] if after is None else [str(after[number])])]
-        scores = [_score(cloud, best[number]) for cloud, best, _ in found_by]
-        overlaps = [_overlap(best[number], iou[number]) for _, best, iou in found_by]
+        found = [best_box(cloud, int(best[number]), float(iou[number])) for cloud, best, iou in found_by]
+        scores, overlaps = zip(*found, strict=True)
         yield SceneBox(
             TRUTH,
             box.tolist(),
@@ -150,27 +144,6 @@ def _objects(
         )
 
 
-def best_detections(truth: Truth, cloud: CloudResult) -> tuple[Int64, Float64]:
-    """For each object (M,) the detection that finds it or, of its class, overlaps it most, and their 3D IoU.
-
-    The detection is -1 where none overlaps it by `OVERLAPS`, whatever the scores.
-    """
-    overlap = iou_3d(truth.boxes.geometry, cloud.detections.boxes)
-    overlap[truth.boxes.labels[:, None] != cloud.detections.labels] = 0.0
-    best = np.full(len(truth.boxes), -1, dtype=np.int64)
-    if overlap.shape[1]:
-        best = np.where(overlap.max(axis=1) >= OVERLAPS, overlap.argmax(axis=1), -1)
-    for (criterion, name), matches in cloud.matches.items():
-        if criterion == "loose":
-            objects = np.flatnonzero(labelled(truth.boxes.labels, name))
-            detections = np.flatnonzero(labelled(cloud.detections.labels, name))
-            hit = matches.found_by >= 0
-            best[objects[hit]] = detections[matches.found_by[hit]]
-    iou = np.zeros(len(best))
-    iou[best >= 0] = overlap[best >= 0, best[best >= 0]]
-    return best, iou
-
-
 def _lead(fate: str, truth: Truth, number: int, min_score: float) -> str:
     if fate == IGNORED:
         few = truth.points[number] < MIN_POINTS
@@ -186,14 +159,6 @@ def _lead(fate: str, truth: Truth, number: int, min_score: float) -> str:
         f"{min_score:.2f} overlaps it enough.",
         MISSED: f"Not found with a score of at least {min_score:.2f} on the clean cloud.",
     }[fate]
-
-
-def _score(cloud: CloudResult, detection: int) -> str:
-    return f"{cloud.detections.scores[detection]:.2f}" if detection >= 0 else "no box"
-
-
-def _overlap(detection: int, iou: float) -> str:
-    return f"{iou:.2f}" if detection >= 0 else NOTHING
 
 
 def _occlusion(share: float) -> Iterator[Fact]:

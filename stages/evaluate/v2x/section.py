@@ -21,7 +21,7 @@ from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.results.v2x import AttackScores, ScoreMetrics, V2xRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.pictures import to_png
+from advpipe.stages.evaluate.report.pictures import picture_of
 from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
@@ -208,9 +208,7 @@ def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list
         if listener in clean.errors:
             errors = draw_errors(clean.errors[listener], drive.errors[listener], title)
             figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{title} over time", errors))
-    return [
-        ReportPicture(SECTION, bag, name, caption, to_png(figure)) for bag, name, caption, figure in figures
-    ]
+    return [picture_of(SECTION, bag, name, caption, figure) for bag, name, caption, figure in figures]
 
 
 def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xRecord:

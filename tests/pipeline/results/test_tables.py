@@ -29,7 +29,7 @@ RESULT = ResultRow(
 MATCH = MatchRow(
     *("detach-1", "small", "adv", 7, 700, DETECTION, 0, "car", None, 0.9),
     *(1.0, 2.0, 3.0, 4.0, 1.8, 1.5, 0.1),
-    *(12, None, FOUND, FOUND, FOUND, IGNORED, 0, 0, 0, None, None, None, False),
+    *(12, None, FOUND, FOUND, FOUND, IGNORED, 0, 0, 0, None, None, None, None, False),
 )
 WORD = pa.dictionary(pa.int32(), pa.string())
 
@@ -54,7 +54,7 @@ def test_matches_come_back_as_they_were() -> None:
 
 
 def test_frames_have_a_column_of_each_cloud_and_count_and_nothing_where_there_is_no_such_cloud() -> None:
-    counts = CloudCounts(1000, 10, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.002, 1, 2, 0, 1, 0, 0)
+    counts = CloudCounts(1000, 10, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.002, 1, 2, 0, 1, 0, 0, 1)
     frames = (FrameRow(7, 700, 3, {"clean": counts, "adv": counts}), FrameRow(8, 800, 3, {"clean": counts}))
     table = frame_table([(RESULT, frames)], ("clean", "adv"))
     assert table.column_names[:7] == ["bag", "detector", "attack", "recipe", "frame", "stamp_ns", "objects"]

@@ -61,7 +61,16 @@ def test_both_overlaps_and_the_score_stand_where_lost_stands(clean, attacked, tm
     assert "the detector loses 24 of 96 (25.0 %) at strict overlap, 0 of 96 (0.0 %) at loose" in printed
     page = text_of((tmp_path / "report" / "report.html").read_text())
     assert "missed here, at loose overlap and a score of at least 0.15; new FP" in page
-    assert "<th>strict: lost of found</th><th>loose, all: lost of found</th>" in page
+    assert ">strict: lost of found</a></th>" in page
+    assert ">loose, all: lost of found</a></th>" in page
+    (effect,) = [
+        each
+        for each in json.loads((tmp_path / "report" / "report.json").read_text())["attack_effects"]
+        if each["condition"] == "adv"
+    ]
+    assert (effect["lost_objects"], effect["displaced_objects"]) == (0, FRAMES)
+    assert effect["displaced_percent"] == 25.0
+    assert "0 of 96 found objects are not found any more; 24 more are displaced" in page
     assert "with a score of at least 0.15, and by the overlap in the column&#39;s head" in page
 
 

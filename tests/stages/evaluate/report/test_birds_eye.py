@@ -1,6 +1,7 @@
 """The bird's-eye picture: what is in it can be found again by its colour and place."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 from advpipe.pipeline.messages.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.scoring import Truth
-from advpipe.stages.evaluate.report.birds_eye import LOST, PREDICTION, TRUTH, draw_scene
+from advpipe.stages.evaluate.report.birds_eye import DISPLACED, LOST, PREDICTION, TRUTH, draw_scene
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.scene import CloudView, ReportScene, crop
 
@@ -64,6 +65,14 @@ def test_a_missing_prediction_is_less_red():
 def test_a_lost_object_is_marked_in_orange_after_the_attack():
     without, lost = drawn(scene()), drawn(scene((True, False), after_boxes=BOXES[1:]))
     assert pixels(lost, LOST) > pixels(without, LOST) + 200
+
+
+def test_a_displaced_object_has_a_colour_of_its_own_and_its_score_beside_it():
+    plain = scene()
+    displaced = replace(plain, displaced=np.array([False, True]), marks={1: "0.42, IoU 0.58"})
+    assert pixels(drawn(displaced), DISPLACED) > pixels(drawn(plain), DISPLACED) + 200
+    texts = [text.get_text() for axes in draw_scene(displaced).axes for text in axes.texts]
+    assert "0.42, IoU 0.58" in texts
 
 
 def test_a_clean_scene_has_one_panel():

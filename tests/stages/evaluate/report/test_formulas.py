@@ -16,7 +16,15 @@ from advpipe.stages.evaluate.report.report import DEFINITIONS
 from advpipe.stages.evaluate.report.section import Formula
 from advpipe.stages.evaluate.v2x import section as v2x
 
-DETECTION = ("rows", "average_precision", "attack_success", "baselines", "transfer", "defences")
+DETECTION = (
+    "rows",
+    "average_precision",
+    "attack_success",
+    "attack_effects",
+    "baselines",
+    "transfer",
+    "defences",
+)
 SECTIONS = [
     (DETECTION, DEFINITIONS),
     (("localisation",), localisation.FORMULAS),

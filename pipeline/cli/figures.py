@@ -1,0 +1,33 @@
+"""The command that gives the figures of a report for a paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from advpipe.pipeline.cli.shared import Answer, Overwrite
+
+
+def figures_command(
+    report: Annotated[Path, typer.Argument(help="Folder of a report, or its report.html.")],
+    format: Annotated[str, typer.Option("--format", help="pdf, svg or png.")] = "pdf",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<report>-<format>")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> Answer:
+    """Write the figures of a report as PDF, SVG or PNG, for a paper."""
+    from advpipe.stages.evaluate.report.figures import export_figures
+
+    folder = report.parent if report.is_file() else report
+    resolved = folder.resolve()
+    target = out or resolved.with_name(f"{resolved.name}-{format}")
+    written = export_figures(report, format, target, overwrite)
+
+    def show() -> None:
+        for path in written:
+            print(path)
+
+    return Answer({"folder": target, "figures": list(written)}, show)

@@ -1,0 +1,247 @@
+"""The first screen's part on detection: the strongest attack on cards, all of them in a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from advpipe.pipeline.results.metrics import CleanMeans
+from advpipe.pipeline.results.records import EffectRecord
+from advpipe.pipeline.results.row import FrameCounts, ResultRow
+from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
+from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
+from advpipe.stages.evaluate.report.headline_parts import Card, Headline
+from advpipe.stages.evaluate.report.numbers import (
+    NO_INTERVAL,
+    UNDEFINED_RATIO,
+    formatted_number,
+    interval,
+    interval_cell,
+    interval_of_blocks,
+    no_interval,
+    short_name,
+)
+from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.scene import attack_title
+from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.report.wording import changed_points
+
+Value = Callable[[EffectRecord], float]
+
+
+def strongest_attack(report: Report) -> ResultRow:
+    """The attacked row of the first detector with the lowest strict mAP ratio."""
+    rows = [row for row in report.results if row.attacked]
+    own = [row for row in rows if row.detector == rows[0].detector]
+    return min(own, key=lambda row: _last(row.attacked.map_ratio_percent if row.attacked else math.nan))
+
+
+def detection_headline(report: Report) -> Headline:
+    """The effect of the strongest attack on detection."""
+    row = strongest_attack(report)
+    effects = _effects_of(report, row)
+    attack = _of(effects, "adv")
+    rows = [each for each in report.results if each.attacked]
+    found = (
+        _ratio_card("mAP ratio, strict", row, effects, "strict", _strict_ratio),
+        _ratio_card("mAP ratio, loose", row, effects, "loose", _loose_ratio),
+        _lost_card(row, attack, effects),
+    )
+    over_attacked = [each for each in _effects_of(report, row, ATTACKED) if each.condition == "adv"]
+    cards = tuple(
+        _with_attacked_frames(card, value, over_attacked)
+        for card, value in zip(found, (_strict_ratio, _loose_ratio, _lost_share), strict=True)
+    )
+    table = _table(report, rows) if len(rows) > 1 else None
+    return Headline(_verdict(row, attack, effects, len(rows)), cards, table, "attack_effects", "LiDAR clouds")
+
+
+def clean_headline(row: ResultRow) -> Headline:
+    """How well the detector sees where nothing was attacked."""
+    counts, means = row.counts, row.clean.means
+    strict, loose = means["strict"], means["loose"]
+    share = 100 * counts.objects_found_clean / counts.objects if counts.objects else math.nan
+    verdict = (
+        f"The detector finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
+        f"reports {counts.false_positives_clean:,} false positives in {counts.frames:,} frames. Its mAP is "
+        f"{formatted_number(strict.map_r40, 3)} at strict and {formatted_number(loose.map_r40, 3)} at loose "
+        f"overlap, over {', '.join(counts.classes_in_map)}."
+    )
+    cards = (
+        _map_card("mAP, strict", strict, counts, "map"),
+        _map_card("mAP, loose", loose, counts, "iou"),
+        Card(
+            "Objects found",
+            f"{formatted_number(share, 1)} %",
+            meaning=f"{counts.objects_found_clean:,} of {counts.objects:,}, at loose overlap and a score "
+            f"of at least {counts.working_score:.2f}",
+            beside=f"false positives: {counts.false_positives_clean:,}",
+            term="lost",
+        ),
+    )  # fmt: skip
+    return Headline(verdict, cards, section="clean")
+
+
+def _strict_ratio(each: EffectRecord) -> float:
+    return each.map_ratio_percent
+
+
+def _loose_ratio(each: EffectRecord) -> float:
+    return each.map_loose_ratio_percent
+
+
+def _lost_share(each: EffectRecord) -> float:
+    return each.lost_percent
+
+
+def _with_attacked_frames(card: Card, value: Value, records: Sequence[EffectRecord]) -> Card:
+    """The card with the value over the attacked frames alone, where the attack left some alone."""
+    if not records:
+        return card
+    (record,) = records
+    text = f"over the {record.frame_count:,} attacked frames alone: {_percent(value(record))}"
+    return replace(card, attacked=text)
+
+
+def _effects_of(report: Report, row: ResultRow, frames: str = ALL) -> list[EffectRecord]:
+    about = (row.bag, row.detector, frames)
+    return [each for each in report.listed(EffectRecord) if (each.bag, each.detector, each.frames) == about]
+
+
+def _of(effects: Sequence[EffectRecord], condition: str) -> EffectRecord:
+    return next(each for each in effects if each.condition == condition)
+
+
+def _strongest(effects: Sequence[EffectRecord], value: Value) -> EffectRecord | None:
+    """The baseline with the lowest value; None where none has one."""
+    baselines = [each for each in effects if each.condition != "adv" and not math.isnan(value(each))]
+    return min(baselines, key=value, default=None)
+
+
+def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord], attack_count: int) -> str:
+    done = changed_points(row)
+    subject = done.active if done else f"Attack {attack_title(row.attack)}"
+    if attack_count > 1:
+        title = attack_title(row.attack)
+        subject = f"{subject[0].lower()}{subject[1:]} ({title})" if done else title
+        subject = f"The strongest of {attack_count} attacks on the clouds: {subject}"
+    if row.clean.means["strict"].map_r40 == 0:
+        return f"{subject}: the mAP ratio is {UNDEFINED_RATIO}."
+    text = (
+        f"{subject} leaves the detector {_percent(attack.map_ratio_percent)} of its average precision at "
+        f"strict overlap and {_percent(attack.map_loose_ratio_percent)} at loose overlap"
+    )
+    if strongest := _strongest(effects, _strict_ratio):
+        loose = _strongest(effects, _loose_ratio)
+        text += f"; {_name(strongest, row)} of the same budget leaves {_percent(strongest.map_ratio_percent)}"
+        text += f" and {_percent(loose.map_loose_ratio_percent)}" if loose else ""
+    return text + "."
+
+
+def _ratio_card(
+    title: str, row: ResultRow, effects: Sequence[EffectRecord], criterion: str, value: Value
+) -> Card:
+    attack, strongest = _of(effects, "adv"), _strongest(effects, value)
+    if row.clean.means[criterion].map_r40 == 0:
+        return Card(title, "undefined", meaning=UNDEFINED_RATIO, term="map_ratio")
+    return Card(
+        title,
+        _percent(value(attack)),
+        _bounds(row, attack, criterion),
+        f"{_name(strongest, row)}: {_percent(value(strongest))}" + _in_brackets(strongest, criterion)
+        if strongest
+        else "",
+        "of the clean mAP is left; lower is worse for the detector",
+        "map_ratio" if criterion == "strict" else "iou",
+    )
+
+
+def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord]) -> Card:
+    strongest = _strongest(effects, lambda each: -each.lost_percent)
+    return Card(
+        "Objects lost",
+        _percent(attack.lost_percent),
+        _bounds(row, attack, "lost"),
+        f"{_name(strongest, row)}: {_percent(strongest.lost_percent)}" + _in_brackets(strongest, "lost")
+        if strongest
+        else "",
+        f"{attack.lost_objects:,} of {attack.found_clean:,} found objects are not found any more; "
+        f"{attack.displaced_objects:,} more are displaced",
+        "lost",
+    )
+
+
+def _interval_of(each: EffectRecord, what: str) -> str:
+    bounds = {"strict": each.map_ratio_ci95, "loose": each.map_loose_ratio_ci95, "lost": each.lost_ci95}[what]
+    shown = interval_of_blocks(bounds, each.blocks)
+    return interval(shown) if shown else ""
+
+
+def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
+    shown = _interval_of(each, what)
+    return f"95 % interval {shown}" if shown else no_interval(row.counts)
+
+
+def _in_brackets(each: EffectRecord, what: str) -> str:
+    shown = _interval_of(each, what)
+    return f" ({shown})" if shown else ""
+
+
+def _map_card(title: str, mean: CleanMeans, counts: FrameCounts, term: str) -> Card:
+    cell = interval_cell(mean.map_r40_ci95, counts, 3)
+    bounds = cell if cell.startswith(NO_INTERVAL) else f"95 % interval {cell}"
+    return Card(title, formatted_number(mean.map_r40, 3), bounds, term=term)
+
+
+def _name(baseline: EffectRecord | None, row: ResultRow) -> str:
+    """Such as `the best of 13 random draws near objects`."""
+    if baseline is None:
+        return ""
+    where = baseline_title(baseline.condition.removesuffix(BEST)).removeprefix("randomly").lstrip(", ")
+    if baseline.condition.endswith(BEST):
+        return f"the best of {row.attack.baseline_tries} random draws {where}"
+    return f"one random draw {where}"
+
+
+def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
+    """The cards' values of each attack."""
+    several = len({row.detector for row in rows}) > 1
+    heads = (
+        "attack", *(("detector",) if several else ()), "mAP ratio, strict %", "95 %", "mAP ratio, loose %",
+        "95 %", "lost %", "lost", "displaced", "strongest baseline, strict %", "loose %", "lost %",
+    )  # fmt: skip
+    lines = []
+    for row in rows:
+        effects = _effects_of(report, row)
+        attack = _of(effects, "adv")
+        values: tuple[Value, ...] = (
+            _strict_ratio,
+            _loose_ratio,
+            lambda each: -each.lost_percent,
+        )
+        strongest = [(_strongest(effects, value), value) for value in values]
+        lines.append(
+            (
+                attack_title(row.attack),
+                *((short_name(row.detector),) if several else ()),
+                formatted_number(attack.map_ratio_percent, 1),
+                _interval_of(attack, "strict") or no_interval(row.counts),
+                formatted_number(attack.map_loose_ratio_percent, 1),
+                _interval_of(attack, "loose") or no_interval(row.counts),
+                formatted_number(attack.lost_percent, 1),
+                f"{attack.lost_objects:,} of {attack.found_clean:,}",
+                f"{attack.displaced_objects:,}",
+                *(formatted_number(abs(value(each)) if each else None, 1) for each, value in strongest),
+            )
+        )
+    return Table("The main values of each attack", heads, tuple(lines))
+
+
+def _percent(value: float) -> str:
+    text = formatted_number(value, 1)
+    return f"{text} %" if not math.isnan(value) else text
+
+
+def _last(ratio: float) -> float:
+    return math.inf if math.isnan(ratio) else ratio

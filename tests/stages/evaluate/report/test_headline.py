@@ -1,0 +1,74 @@
+"""The first screen: what was done, how bad it is, and the values of report.json on cards."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from place_drive import DETECTOR, hide_first_car
+
+from advpipe.stages.evaluate.report.headline import first_screen
+from advpipe.stages.evaluate.run import Options, evaluate
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+
+
+def effects_of(folder):
+    return json.loads((folder / "report.json").read_text())["attack_effects"]
+
+
+def test_an_attack_on_all_frames(clean, attacked, tmp_path):
+    options = Options(detectors=(DETECTOR,), scene=False)
+    report = evaluate(clean, [attacked(hide_first_car, frames=range(6))], tmp_path / "r", options, workers=1)
+    first = first_screen(report)
+    assert "of the LiDAR points removed" in first.title
+    assert "6 frames with 24 evaluated objects" in first.about
+    (headline,) = first.headlines
+    attack, *baselines = effects_of(tmp_path / "r")
+    assert {each["frames"] for each in (attack, *baselines)} == {"all"}
+    assert (attack["lost_objects"], attack["found_clean"], attack["displaced_objects"]) == (6, 24, 0)
+    strict, loose, lost = headline.cards
+    assert strict.value == f"{attack['map_ratio_percent']:.1f} %"
+    assert loose.value == f"{attack['map_loose_ratio_percent']:.1f} %"
+    assert lost.value == "25.0 %"
+    assert lost.meaning.startswith("6 of 24 found objects")
+    assert strict.interval == "no interval: 6 frames"
+    assert strict.attacked == ""
+    strongest = min(each["map_ratio_percent"] for each in baselines)
+    assert strict.beside.endswith(f": {strongest:.1f} %")
+    assert headline.verdict.startswith("Removing ")
+    assert (
+        f"leaves the detector {strict.value} of its average precision at strict overlap" in headline.verdict
+    )
+
+
+def test_an_attack_on_some_frames_has_the_values_of_these_beside(clean, attacked, tmp_path):
+    changed = iter([True, True] + [False] * 4)
+    bag = attacked(lambda cloud: hide_first_car(cloud) if next(changed) else cloud, frames=range(6))
+    options = Options(detectors=(DETECTOR,), scene=False, baseline=False)
+    report = evaluate(clean, [bag], tmp_path / "r", options, workers=1)
+    every, alone = effects_of(tmp_path / "r")
+    assert (every["frames"], every["frame_count"], every["lost_percent"]) == (
+        "all",
+        6,
+        pytest.approx(100 / 12),
+    )
+    assert (alone["frames"], alone["frame_count"], alone["lost_percent"]) == ("attacked", 2, 25.0)
+    assert alone["map_ratio_percent"] < every["map_ratio_percent"]
+    assert first_screen(report).headlines[0].cards[2].attacked == "over the 2 attacked frames alone: 25.0 %"
+
+
+def test_a_clean_bag_alone(clean, tmp_path):
+    report = evaluate(clean, [], tmp_path / "r", Options(detectors=(DETECTOR,), scene=False), workers=1)
+    first = first_screen(report)
+    assert first.title.startswith("What detector ")
+    assert "adversarial" not in first.about
+    (headline,) = first.headlines
+    assert [card.title for card in headline.cards] == ["mAP, strict", "mAP, loose", "Objects found"]
+    assert "96 of 96" in headline.verdict
