@@ -1,4 +1,4 @@
-"""Recordings in formats that advpipe does not read: told by name, with what makes a bag of them."""
+"""Recordings in formats that advpipe does not read: each with the command that converts it."""
 
 from __future__ import annotations
 

@@ -60,8 +60,9 @@ def plot(
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.core.errors import UsageError, as_usage_error
     from advpipe.pipeline.core.picture_file import picture_path
+    from advpipe.pipeline.process.folder import working_path
 
-    picture = picture_path(out, format, "v2x" if cloud is None else f"cloud-{cloud}")
+    picture = working_path(picture_path(out, format, "v2x" if cloud is None else f"cloud-{cloud}"))
     with as_usage_error():
         for path in filter(None, (bag, attacked)):
             resolve_bag(path)

@@ -21,7 +21,7 @@ FOUND, DISPLACED, LOST, MISSED, IGNORED = "found", "displaced", "lost", "missed"
 the attacked one. Lost: not even that. Missed: not found on the clean cloud either. Ignored: not evaluated."""
 
 CHANGED = "changed"
-"""Of what was heard by radio: the attack made it, or says something else with it."""
+"""Of a received message: the attack created it, or changed its content."""
 
 HIT, FALSE = "hit", "false"
 """What a prediction is worth: it finds an object, or nothing. One of an ignored object is `IGNORED`."""
@@ -46,14 +46,14 @@ class Fact:
 class SceneBox:
     """A box x, y, z (centre), length, width, height [m] and yaw [rad] in the LiDAR's frame, and its story.
 
-    fate: of a box of the truth or a prediction, one of those above. id: by which the same object is known in
-    another frame; "" for none. group: the heading under which it stands in the list of objects.
+    outcome: of a box of the truth or a prediction, one of those above. id: by which the same object is known
+    in another frame; "" for none. group: the heading under which it stands in the list of objects.
     """
 
     role: str
     box: Sequence[float]
     title: str
-    fate: str = ""
+    outcome: str = ""
     condition: str = ALWAYS
     id: str = ""
     group: str = ""

@@ -1,4 +1,4 @@
-"""The attacks as users choose among them: what their classes, and their defaults, say of each."""
+"""The attacks as users choose among them: the properties that their classes and defaults declare."""
 
 from __future__ import annotations
 

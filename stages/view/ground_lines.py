@@ -17,7 +17,7 @@ from advpipe.pipeline.viewer.scene import BELIEVED_PATH, LANE, TRUE_PATH, SceneL
 ODOMETRY = "nav_msgs/msg/Odometry"
 
 STEP_M = 10.0
-"""The longest part of a lane: a straight one may be told by its ends, both of which are far away."""
+"""The longest part of a lane: a straight one may have only its two ends, both far away."""
 
 
 def read_lanes(reader: BagReader) -> list[Float64]:
@@ -59,7 +59,7 @@ class Paths:
                     at = message.pose.pose.position
                     self._places[raw.topic.name].append((at.x, at.y, at.z))
         except AdvpipeError:
-            return  # a damaged bag: whoever looks at the frames there is told
+            return  # a damaged bag: reading its frames reports the damage
 
     def lines(self, kind: str, lidar_SE3_map: Float64, condition: str = "") -> list[SceneLine]:
         """The paths of a kind as known by now, in the LiDAR's frame."""

@@ -11,7 +11,7 @@ from advpipe.pipeline.messages.topics import MAP_FRAME
 
 
 def lidar_SE3_map(reader: BagReader, lidar_topic: str, time_ns: int) -> Float64 | None:
-    """The transform from the map at the log time of a cloud; None for a bag that does not tell."""
+    """The transform from the map at the log time of a cloud; None for a bag without it."""
     topics = vehicle_topics(lidar_topic)
     truth = GroundTruth(reader, topics, objects_topic(reader, topics) or "")
     stamp_ns, frame_id = time_ns, topics.lidar_frame

@@ -1,4 +1,4 @@
-"""What a vehicle heard by radio, as boxes on the ground: CAMs, and the entries of its Local Dynamic Map."""
+"""What a vehicle received by radio, as boxes on the ground: CAMs, and entries of its Local Dynamic Map."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def radio_boxes(
     """The entries of the vehicle's Local Dynamic Map and the CAMs that it received within the last second, in
     the LiDAR's frame. origin: of the map; without it, CAMs are left out."""
     snapshot: Any = None
-    heard: dict[int, SceneBox] = {}  # the last one of each station
+    received: dict[int, SceneBox] = {}  # the last one of each station
     wanted = (topics.ldm, topics.received_raw)
     names = [one.name for one in wanted if one.name in reader.topics_of_type(one.type)]
     for raw in reader.raw_messages(names, max(0, time_ns - LATELY_NS), time_ns):
@@ -50,13 +50,13 @@ def radio_boxes(
             snapshot = message
         elif origin and (report := _report(message, raw.log_time_ns, origin)):
             age_s = (time_ns - raw.log_time_ns) * 1e-9
-            heard[report.station_id] = _cam_box(report, age_s, lidar_SE3_map)
+            received[report.station_id] = _cam_box(report, age_s, lidar_SE3_map)
     entries = snapshot.objects if snapshot else ()
-    return [*(_ldm_box(entry, lidar_SE3_map) for entry in entries), *heard.values()]
+    return [*(_ldm_box(entry, lidar_SE3_map) for entry in entries), *received.values()]
 
 
 def origin_of(reader: BagReader) -> Geodesy | None:
-    """Where on Earth the map lies; None for a bag that does not tell."""
+    """Where on Earth the map lies; None for a bag without it."""
     if SCENARIO_INFO.name not in reader.topics:
         return None
     try:
@@ -67,14 +67,14 @@ def origin_of(reader: BagReader) -> Geodesy | None:
 
 
 def on_both(clean: Sequence[SceneBox], attacked: Sequence[SceneBox]) -> Iterator[SceneBox]:
-    """The boxes of a clean and of an adversarial bag together: what both say alike is seen on both."""
+    """The boxes of a clean and of an adversarial bag together: what is equal in both is shown on both."""
     known = {_claim(box): box for box in clean}
     again = {_claim(box) for box in attacked}
     for box in attacked:
         if _claim(box) in known:
             yield box
         else:
-            yield replace(box, fate=CHANGED, condition=ATTACKED)
+            yield replace(box, outcome=CHANGED, condition=ATTACKED)
     for claim, box in known.items():
         if claim not in again:
             yield replace(box, condition=CLEAN)

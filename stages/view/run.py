@@ -43,7 +43,7 @@ def view(
     open_browser: bool = True,
     ready: Callable[[str], None] = lambda url: None,
 ) -> None:
-    """Serves the bag on this machine until a signal ends it. ready: is told the address.
+    """Serves the bag on this machine until a signal ends it. ready: is called with the address.
 
     Raises UsageError for what is no bag, holds no LiDAR clouds, and for a port that is taken.
     """

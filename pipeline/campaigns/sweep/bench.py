@@ -52,7 +52,7 @@ class Bench:
                 "lidar": settings.lidar_topic,
             }
         )
-        return AttackRequest((spec,), settings.seed, self.device, debug=self.keep_bags)
+        return AttackRequest((spec,), settings.seed, self.device, debug=False)
 
     def attack(self, budget: SweepBudget, recipe: str, settings: Settings, bag: Path) -> None:
         """Make the bag of a budget; a bag that a killed run has finished is kept."""

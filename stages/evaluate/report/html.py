@@ -22,10 +22,10 @@ from advpipe.stages.evaluate.report.clean import (
     of_first_detector,
     strata_tables,
 )
-from advpipe.stages.evaluate.report.fates import fates_table
 from advpipe.stages.evaluate.report.headline import first_screen
 from advpipe.stages.evaluate.report.headline_detection import strongest_attack
 from advpipe.stages.evaluate.report.numbers import formatted_number
+from advpipe.stages.evaluate.report.outcomes import outcomes_table
 from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.page_table import shown_table
 from advpipe.stages.evaluate.report.pictures import WORST
@@ -80,13 +80,13 @@ def write_html(
 
 def _attack_section(summary: Summary, pictures: Sequence[ReportPicture]) -> dict[str, Any]:
     """Frames before and after an attack, and what it does to average precision."""
-    fates = fates_table(worst_frames(summary, WORST), summary.min_score)
+    outcomes = outcomes_table(worst_frames(summary, WORST), summary.min_score)
     return {
         "id": f"bag-{_anchor(summary.comparison.name)}",
         "title": attack_title(summary.result.attack),
         "pictures": _of(pictures, ATTACK, summary.comparison.name),
         "tables": [
-            *([fates] if fates.lines else []),
+            *([outcomes] if outcomes.lines else []),
             _precision_table(summary.result),
         ],
     }

@@ -18,7 +18,7 @@ from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResul
 from advpipe.stages.evaluate.detection.frame_row import displaced_objects, lost_objects
 from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.fates import best_box, best_detections
+from advpipe.stages.evaluate.report.outcomes import best_box, best_detections
 
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]

@@ -36,7 +36,7 @@ from advpipe.stages.evaluate.detection.scoring import (
     labelled,
 )
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.fates import best_box, best_detections
+from advpipe.stages.evaluate.report.outcomes import best_box, best_detections
 from advpipe.stages.evaluate.report.scene import (
     ReportScene,
     attack_title,
@@ -80,39 +80,41 @@ def _map_ratio(summary: Summary) -> float:
 def _viewer_scene(
     summary: Summary, frame: FrameResult, scene: ReportScene, is_one_of_several: bool
 ) -> ViewerScene:
-    fates = object_fates(frame, summary.min_score)
-    counts = {fate: fates.count(fate) for fate in (LOST, DISPLACED, MISSED)}
-    told = ", ".join(f"{count} {fate}" for fate, count in counts.items() if count) or "every object found"
+    outcomes = object_outcomes(frame, summary.min_score)
+    counts = {outcome: outcomes.count(outcome) for outcome in (LOST, DISPLACED, MISSED)}
+    counted = (
+        ", ".join(f"{count} {outcome}" for outcome, count in counts.items() if count) or "every object found"
+    )
     name = f"{attack_title(summary.result.attack)}, " if scene.after else ""
     return ViewerScene(
         name=scene.name,
-        title=f"{name}frame {frame.index}: {told}",
-        label=f"{summary.comparison.name} {frame.index}: {told}"
+        title=f"{name}frame {frame.index}: {counted}",
+        label=f"{summary.comparison.name} {frame.index}: {counted}"
         if is_one_of_several
-        else f"{frame.index}: {told}",
+        else f"{frame.index}: {counted}",
         clean=scene.before.cloud,
         attacked=scene.after.cloud if scene.after else None,
         change=scene.change,
-        boxes=(*_objects(summary, frame, scene, fates), *_predictions(summary, frame)),
+        boxes=(*_objects(summary, frame, scene, outcomes), *_predictions(summary, frame)),
         note=f"Predictions with a score of at least {summary.min_score:.2f}.",
     )
 
 
-def object_fates(frame: FrameResult, min_score: float) -> list[str]:
+def object_outcomes(frame: FrameResult, min_score: float) -> list[str]:
     """What became of each object of a frame, of detections with at least this score."""
     on = [frame.clean, *([frame.adversarial] if frame.adversarial else [])]
     loose = [found_objects(frame.truth, cloud.matches, min_score) for cloud in on]
     strict = [found_objects(frame.truth, cloud.matches, min_score, "strict") for cloud in on]
-    fates = np.full(len(frame.truth.boxes), FOUND, dtype=object)
-    fates[strict[0] & ~strict[-1]] = DISPLACED
-    fates[loose[0] & ~loose[-1]] = LOST
-    fates[~loose[0]] = MISSED
-    fates[~frame.truth.is_evaluated] = IGNORED
-    return [str(fate) for fate in fates]
+    outcomes = np.full(len(frame.truth.boxes), FOUND, dtype=object)
+    outcomes[strict[0] & ~strict[-1]] = DISPLACED
+    outcomes[loose[0] & ~loose[-1]] = LOST
+    outcomes[~loose[0]] = MISSED
+    outcomes[~frame.truth.is_evaluated] = IGNORED
+    return [str(outcome) for outcome in outcomes]
 
 
 def _objects(
-    summary: Summary, frame: FrameResult, scene: ReportScene, fates: Sequence[str]
+    summary: Summary, frame: FrameResult, scene: ReportScene, outcomes: Sequence[str]
 ) -> Iterator[SceneBox]:
     truth, boxes = frame.truth, frame.truth.boxes
     after = count_points(xyz(scene.after.cloud), boxes.geometry) if scene.after else None
@@ -121,7 +123,7 @@ def _objects(
         for cloud in (frame.clean, frame.adversarial)
         if cloud is not None
     ]
-    for number, (box, fate) in enumerate(zip(boxes.geometry, fates, strict=True)):
+    for number, (box, outcome) in enumerate(zip(boxes.geometry, outcomes, strict=True)):
         points = [str(truth.points[number]), *([] if after is None else [str(after[number])])]
         found = [best_box(cloud, int(best[number]), float(iou[number])) for cloud, best, iou in found_by]
         scores, overlaps = zip(*found, strict=True)
@@ -129,10 +131,10 @@ def _objects(
             TRUTH,
             box.tolist(),
             object_title(CLASSES[boxes.labels[number]], boxes.ids[number]),
-            fate,
+            outcome,
             ALWAYS,
             boxes.ids[number],
-            lead=_lead(fate, truth, number, summary.min_score),
+            lead=_lead(outcome, truth, number, summary.min_score),
             facts=(
                 Fact("range", f"{np.hypot(box[0], box[1]):.1f} m"),
                 Fact("LiDAR points", *points),
@@ -144,8 +146,8 @@ def _objects(
         )
 
 
-def _lead(fate: str, truth: Truth, number: int, min_score: float) -> str:
-    if fate == IGNORED:
+def _lead(outcome: str, truth: Truth, number: int, min_score: float) -> str:
+    if outcome == IGNORED:
         few = truth.points[number] < MIN_POINTS
         return "Not evaluated: " + (
             f"fewer than {MIN_POINTS} points in the clean cloud."
@@ -158,7 +160,7 @@ def _lead(fate: str, truth: Truth, number: int, min_score: float) -> str:
         LOST: "Found on the clean cloud; on the attacked one no detection with a score of at least "
         f"{min_score:.2f} overlaps it enough.",
         MISSED: f"Not found with a score of at least {min_score:.2f} on the clean cloud.",
-    }[fate]
+    }[outcome]
 
 
 def _occlusion(share: float) -> Iterator[Fact]:
@@ -171,7 +173,7 @@ def _predictions(summary: Summary, frame: FrameResult) -> Iterator[SceneBox]:
     if frame.adversarial:
         clouds.append((ATTACKED, frame.adversarial))
     for condition, cloud in clouds:
-        fates = _prediction_fates(cloud, summary.min_score)
+        outcomes = _prediction_outcomes(cloud, summary.min_score)
         for number in np.flatnonzero(cloud.detections.scores >= summary.min_score).tolist():
             box, label = cloud.detections.boxes[number], cloud.detections.labels[number]
             where = f" on the {condition} cloud" if condition else ""
@@ -179,7 +181,7 @@ def _predictions(summary: Summary, frame: FrameResult) -> Iterator[SceneBox]:
                 PREDICTION,
                 box.tolist(),
                 f"predicted {CLASSES[label]}, {cloud.detections.scores[number]:.2f}",
-                fates[number],
+                outcomes[number],
                 condition,
                 group=f"predictions{where}",
                 facts=(
@@ -190,7 +192,7 @@ def _predictions(summary: Summary, frame: FrameResult) -> Iterator[SceneBox]:
             )
 
 
-def _prediction_fates(cloud: CloudResult, min_score: float) -> list[str]:
+def _prediction_outcomes(cloud: CloudResult, min_score: float) -> list[str]:
     wrong: Bool = false_positives(cloud.detections, cloud.matches, min_score)
     ignored = np.zeros(len(wrong), dtype=bool)
     for (criterion, name), matches in cloud.matches.items():

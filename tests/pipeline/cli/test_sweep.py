@@ -206,7 +206,7 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ({"cells": ["detach-2"]}, "unknown cell 'detach-2'; known: perturb-0.5, perturb-1, "),
+        ({"cells": ["detach-2"]}, "unknown cell 'detach-2'; did you mean 'detach-1'?"),
         ({"table": "thesis"}, "unknown table 'thesis'; known: paper"),
         ({"recipes": "worst"}, "recipe is 'worst'; known"),
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),

@@ -85,6 +85,7 @@ LOADERS = {
 OTHERS = {
     "stages/verify/message_store.py",  # rows that it has written itself
     # Documents that advpipe has just written itself, for --json.
+    "pipeline/cli/demo.py",
     "pipeline/cli/evaluate.py",
     "pipeline/cli/schema.py",
     "pipeline/cli/sweep.py",

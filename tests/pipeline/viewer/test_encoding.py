@@ -69,7 +69,7 @@ def test_a_clean_frame_alone():
 def test_stories_come_with_their_boxes():
     frame, _ = decoded(removing_scene())
     box = next(box for box in frame["boxes"] if box["title"] == LOST_CAR.title)
-    assert (box["role"], box["fate"], box["id"], box["condition"]) == ("truth", "lost", "ego.7", "")
+    assert (box["role"], box["outcome"], box["id"], box["condition"]) == ("truth", "lost", "ego.7", "")
     assert box["facts"] == [["range", "12.4 m"], ["score", "0.83", "0.21"], ["LiDAR points", "143", "97"]]
     assert box["box"] == list(LOST_CAR.box)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from test_labels import CAMS, FIXES, Attacks, faults, unchecked
+from test_attack_labels import CAMS, FIXES, Attacks, faults, unchecked
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.localisation.gnss import squared_sigmas

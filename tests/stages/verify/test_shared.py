@@ -14,6 +14,7 @@ from found_checks import checks_of
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.dataset import archive, checksums, signature
+from advpipe.pipeline.viewer_layouts.files import NAMES
 from advpipe.stages.verify.run import verify
 
 
@@ -50,7 +51,7 @@ def test_every_flipped_bit_of_a_single_bag_is_found(data_set: Path, tmp_path: Pa
     bag = Path(shutil.move(data_set / name, tmp_path / "alone"))
     rng = np.random.default_rng(6)
     mcap = next(bag.glob("*.mcap"))
-    small = [path for path in sorted(bag.iterdir()) if path != mcap]
+    small = [path for path in sorted(bag.iterdir()) if path != mcap and path.name not in NAMES]
     size = mcap.stat().st_size
     places = [(mcap, int(p)) for p in [*rng.integers(size, size=12), 3, 12, size - 2, size - 20, size - 35]]
     places += [(path, int(rng.integers(path.stat().st_size))) for path in small for _ in range(2)]
@@ -59,6 +60,15 @@ def test_every_flipped_bit_of_a_single_bag_is_found(data_set: Path, tmp_path: Pa
         result = verify(bag, quick=path == mcap)
         assert not result.is_good, (path, offset)
         flip(path, offset, None)
+
+
+def test_a_changed_layout_of_a_single_bag_is_not_checked(data_set: Path) -> None:
+    """Layouts follow from the bag, which lists no checksum of them: another release may write others."""
+    layout = data_set / "clean" / NAMES[0]
+    layout.write_bytes(layout.read_bytes() + b" ")
+    result = verify(data_set / "clean")
+    assert result.is_good
+    assert f"clean/{NAMES[0]}: no checksum protects it" in "\n".join(map(str, result.unchecked))
 
 
 @pytest.mark.parametrize("spoil", ["missing", "unlisted", "list"])
@@ -98,7 +108,10 @@ def test_files_that_were_not_shared_are_not_faults(data_set: Path) -> None:
 def test_a_data_set_with_only_its_checksum_list_is_faulty(shared: Path) -> None:
     shutil.rmtree(shared / "clean")
     found = verify(shared).findings
-    assert {finding.where for finding in found} == {"clean/clean_0.mcap", "clean/metadata.yaml"}
+    assert {finding.where for finding in found} == {
+        *("clean/clean_0.mcap", "clean/metadata.yaml"),
+        *(f"clean/{name}" for name in NAMES),
+    }
 
 
 def test_without_the_library_a_signature_is_not_checked(

@@ -84,12 +84,12 @@ def test_honest_cams_and_map_entries_lie_on_their_stations(scenes, dataset):
 
 def test_what_an_attack_says_is_apart_from_what_is_true(scenes):
     attacked = scenes.scene(19, scenes.names.index("cam"))
-    fates = Counter((box.role, box.fate, box.condition) for box in attacked.boxes)
-    assert fates["ldm", "changed", "attacked"] > 0
-    assert fates["ldm", "", "clean"] > 0
-    assert fates["ldm", "", ""] > 0
+    outcomes = Counter((box.role, box.outcome, box.condition) for box in attacked.boxes)
+    assert outcomes["ldm", "changed", "attacked"] > 0
+    assert outcomes["ldm", "", "clean"] > 0
+    assert outcomes["ldm", "", ""] > 0
     same = scenes.scene(19, scenes.names.index("gnss"))
-    assert not any(box.fate == "changed" for box in of_role(same, "cam"))
+    assert not any(box.outcome == "changed" for box in of_role(same, "cam"))
 
 
 def test_lanes_and_paths(scenes):

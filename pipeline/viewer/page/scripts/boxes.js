@@ -1,6 +1,6 @@
-// Boxes of the truth, of predictions, and of what was heard by radio; and which one a click hits.
+// Boxes of the truth, of predictions, and of received messages; and which one a click hits.
 
-// How the boxes of a role, with a fate, are drawn: name of the colour, width in pixels, dashed or not.
+// How the boxes of a role, with a outcome, are drawn: name of the colour, width in pixels, dashed or not.
 const BOX_STYLES = {
   "truth/found": ["truth", 1.8, false],
   "truth/displaced": ["displaced", 3, false],
@@ -35,18 +35,18 @@ class BoxView {
     this.scene = scene;
     const sets = new Map();
     scene.boxes.forEach((box, number) => {
-      const key = `${box.role}/${box.fate}/${box.condition}`;
+      const key = `${box.role}/${box.outcome}/${box.condition}`;
       sets.set(key, [...(sets.get(key) || []), box]);
       this.targets.add(targetOf(box, number));
     });
     for (const boxes of sets.values()) {
-      const [{ role, fate, condition }] = boxes;
-      const [colour, width, dashed] = BOX_STYLES[`${role}/${fate}`];
-      this.sets.push({ role, fate, condition, lines: this.add(this.group, boxes, colour, width, dashed) });
+      const [{ role, outcome, condition }] = boxes;
+      const [colour, width, dashed] = BOX_STYLES[`${role}/${outcome}`];
+      this.sets.push({ role, outcome, condition, lines: this.add(this.group, boxes, colour, width, dashed) });
       // On the clean cloud, an object that the attack hides is one like any other.
-      if (scene.is_attacked && (fate === "lost" || fate === "displaced"))
-        this.sets.push({ role, fate: "found", condition: "clean", lines: this.add(this.group, boxes, "truth", 1.8, false) });
-      if (scene.is_attacked && (fate === "lost" || fate === "displaced"))
+      if (scene.is_attacked && (outcome === "lost" || outcome === "displaced"))
+        this.sets.push({ role, outcome: "found", condition: "clean", lines: this.add(this.group, boxes, "truth", 1.8, false) });
+      if (scene.is_attacked && (outcome === "lost" || outcome === "displaced"))
         this.sets[this.sets.length - 2].condition = "attacked";
     }
   }
@@ -82,7 +82,7 @@ class BoxView {
     clearLines(this.selection);
     if (number === null) return;
     const box = this.scene.boxes[number];
-    const [colour] = BOX_STYLES[`${box.role}/${box.fate}`];
+    const [colour] = BOX_STYLES[`${box.role}/${box.outcome}`];
     const outline = this.add(this.selection, [box], colour, 4, false);
     outline.material.depthTest = false; // it is seen through everything
     outline.renderOrder = 3;

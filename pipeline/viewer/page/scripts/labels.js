@@ -12,8 +12,8 @@ class Labels {
   show(boxes, radii, ground_z_m) {
     this.box.replaceChildren();
     this.placed = [];
-    for (const [number, { fate, box }] of boxes) {
-      const button = element("button", `adv-label adv-${fate}`, fate);
+    for (const [number, { outcome, box }] of boxes) {
+      const button = element("button", `adv-label adv-${outcome}`, outcome);
       button.type = "button";
       button.tabIndex = -1; // the list of objects is what the keyboard goes through
       button.addEventListener("click", () => this.onPick(number));

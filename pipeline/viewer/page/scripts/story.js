@@ -1,6 +1,6 @@
 // The story of one box in words: what it is, and every fact on the clean and on the attacked cloud.
 
-const FATES = {
+const OUTCOMES = {
   found: "found", displaced: "displaced", lost: "lost", missed: "missed", ignored: "not evaluated",
   changed: "by the attack", hit: "finds an object", false: "false positive",
 };
@@ -15,7 +15,7 @@ function storyOf(box) {
     table.append(line);
   }
   const title = element("h4", "adv-title", box.title);
-  if (FATES[box.fate]) title.append(" ", element("span", `adv-chip adv-${box.fate}`, FATES[box.fate]));
+  if (OUTCOMES[box.outcome]) title.append(" ", element("span", `adv-chip adv-${box.outcome}`, OUTCOMES[box.outcome]));
   return box.lead ? [title, element("p", "adv-lead", box.lead), table] : [title, table];
 }
 

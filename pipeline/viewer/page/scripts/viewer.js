@@ -54,7 +54,7 @@ class Viewer {
   // or null.
   sameOr(id) {
     const { boxes } = this.scene;
-    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((fate) => (box) => box.fate === fate)]
+    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((outcome) => (box) => box.outcome === outcome)]
       .map((is) => boxes.findIndex(is));
     return found.find((number) => number >= 0) ?? null;
   }
@@ -82,11 +82,11 @@ class Viewer {
     this.boxes.move(progress, shown);
     this.ground.move(progress, shown);
     const named = [...this.scene.boxes.entries()].filter(
-      ([number, { fate }]) => number === this.selected ||
-        (shown("truth") && progress >= 0.5 && (fate === "lost" || fate === "displaced")));
-    const rank = ([number, { fate }]) => (number === this.selected ? 0 : fate === "lost" ? 1 : 2);
+      ([number, { outcome }]) => number === this.selected ||
+        (shown("truth") && progress >= 0.5 && (outcome === "lost" || outcome === "displaced")));
+    const rank = ([number, { outcome }]) => (number === this.selected ? 0 : outcome === "lost" ? 1 : 2);
     named.sort((a, b) => rank(a) - rank(b)); // else the nearest first, as they come
-    this.labels.show(named.filter(([, box]) => FATES[box.fate]), RINGS_M, this.scene.ground_z_m);
+    this.labels.show(named.filter(([, box]) => OUTCOMES[box.outcome]), RINGS_M, this.scene.ground_z_m);
     this.one("stretched").hidden = this.stretch === 1 || !this.scene.points.counts[MOVED];
     this.one("stretched").textContent = `displacements × ${this.stretch}`;
     this.stage.draw();
@@ -112,11 +112,11 @@ class Viewer {
   list() {
     const groups = new Map();
     this.scene.boxes.forEach((box, number) => {
-      const group = box.role === "truth" ? FATES[box.fate] : box.group;
+      const group = box.role === "truth" ? OUTCOMES[box.outcome] : box.group;
       groups.set(group, [...(groups.get(group) || []), new Option(box.title, number)]);
     });
     const nothing = new Option("none chosen", "");
-    const order = Object.values(FATES);
+    const order = Object.values(OUTCOMES);
     const rank = (name) => (order.indexOf(name) + order.length + 1) % (order.length + 1);
     const grouped = [...groups].sort(([a], [b]) => rank(a) - rank(b)).map(([name, options]) => {
       const made = document.createElement("optgroup");
@@ -129,7 +129,7 @@ class Viewer {
 
   legend() {
     const { boxes, points, lines } = this.scene;
-    const has = (role, fate) => boxes.some((box) => box.role === role && (!fate || box.fate === fate));
+    const has = (role, outcome) => boxes.some((box) => box.role === role && (!outcome || box.outcome === outcome));
     const count = (action) => points.total[action].toLocaleString("en");
     const marks = [
       has("truth") && ["truth", "line", "truth"],
@@ -139,7 +139,7 @@ class Viewer {
       points.total[MOVED] && ["moved", "disc", `moved: ${count(MOVED)}`],
       points.total[ADDED] && ["added", "diamond", `added: ${count(ADDED)}`],
       points.total[REMOVED] && ["removed", "hollow", `removed: ${count(REMOVED)}`],
-      boxes.some(({ fate }) => fate === "changed") && ["added", "line", "claimed by the attack"],
+      boxes.some(({ outcome }) => outcome === "changed") && ["added", "line", "claimed by the attack"],
       has("cam") && ["cam", "line", "CAMs"],
       has("ldm") && ["ldm", "dashed", "Local Dynamic Map"],
       ...["lane", "true", "believed"].map((kind) => lines.some((line) => line.kind === kind) && LINE_MARKS[kind]),
@@ -212,10 +212,10 @@ class Viewer {
 // The places that the first view has to show: objects that count, without the farthest, and all that are hidden.
 // What an attack claims counts as well, if it is not far away.
 function focusOf({ boxes }) {
-  const truth = boxes.filter(({ role, fate }) => role === "truth" && fate !== "ignored"); // the nearest ones first
+  const truth = boxes.filter(({ role, outcome }) => role === "truth" && outcome !== "ignored"); // the nearest ones first
   const near = truth.slice(0, Math.ceil(0.85 * truth.length));
-  const hidden = truth.filter(({ fate }) => ["lost", "displaced"].includes(fate));
-  const claimed = boxes.filter(({ fate, box: [x, y] }) => fate === "changed" && Math.hypot(x, y) < 90);
+  const hidden = truth.filter(({ outcome }) => ["lost", "displaced"].includes(outcome));
+  const claimed = boxes.filter(({ outcome, box: [x, y] }) => outcome === "changed" && Math.hypot(x, y) < 90);
   const places = [...near, ...hidden, ...claimed].map(({ box }) => box.slice(0, 3));
   return places.length ? places : [[25, 15, 0], [25, -15, 0], [-15, 0, 0]];
 }

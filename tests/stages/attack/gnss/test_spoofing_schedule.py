@@ -80,7 +80,10 @@ def test_refuses_two_at_once():
             {**AHEAD, "schedule": {"from_s": 10.5}},
             "schedule begins at 10.5 s, but the recording ends at 10 s",
         ),
-        ({"type": "gnss-drift", "parameters": {"rate": 1}}, "unknown parameter 'rate'; known: rate_mps"),
+        (
+            {"type": "gnss-drift", "parameters": {"rate": 1}},
+            "unknown parameter 'rate'; did you mean 'rate_mps'",
+        ),
         ({"type": "gnss-freeze", "parameters": {"rate": 1}}, "unknown parameter 'rate'; it has none"),
         ({"type": "gnss-drift", "parameters": {"rate_mps": "fast"}}, "rate_mps is 'fast'"),
         ({"type": "gnss-nothing"}, "unknown attack 'gnss-nothing'"),

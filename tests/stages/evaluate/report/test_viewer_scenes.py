@@ -42,9 +42,9 @@ def test_fates_are_those_of_the_tables(report):
             if line["frame"] == frame and line["cloud"] == "adv" and line["is_lost"]
         }
         assert lost == {"user0"}
-        told = {box["id"]: box for box in scene["boxes"] if box["role"] == "truth"}
-        assert {name for name, box in told.items() if box["fate"] == "lost"} == lost
-        assert {name: box["fate"] for name, box in told.items()} == {
+        described = {box["id"]: box for box in scene["boxes"] if box["role"] == "truth"}
+        assert {name for name, box in described.items() if box["outcome"] == "lost"} == lost
+        assert {name: box["outcome"] for name, box in described.items()} == {
             "user0": "lost",
             "user1": "found",
             "user2": "found",
@@ -69,7 +69,7 @@ def test_predictions_of_both_clouds(report):
     boxes = [box for box in scenes_of(report)[0]["boxes"] if box["role"] == "prediction"]
     counts = {each: sum(box["condition"] == each for box in boxes) for each in ("clean", "attacked", "")}
     assert counts == {"clean": 4, "attacked": 3, "": 0}
-    assert {box["fate"] for box in boxes} == {"hit"}
+    assert {box["outcome"] for box in boxes} == {"hit"}
 
 
 def test_a_clean_bag_alone(clean, tmp_path):

@@ -21,7 +21,7 @@ OVERLAPS = 0.05
 """From this IoU on, a detection of its class belongs to an object's story."""
 
 HEADS = (
-    *("object", "fate", "frame", "class", "range m", "LiDAR points"),
+    *("object", "outcome", "frame", "class", "range m", "LiDAR points"),
     *("score, clean", "score, attacked", "IoU, clean", "IoU, attacked"),
 )
 
@@ -54,7 +54,7 @@ def best_box(cloud: CloudResult, detection: int, iou: float) -> tuple[str, str]:
     return f"{cloud.detections.scores[detection]:.2f}", f"{iou:.2f}"
 
 
-def fates_table(frames: Sequence[FrameResult], min_score: float) -> Table:
+def outcomes_table(frames: Sequence[FrameResult], min_score: float) -> Table:
     """The displaced and lost objects of some attacked frames, a line each."""
     lines = [line for frame in frames for line in _lines(frame, min_score)]
     return Table(
@@ -70,13 +70,13 @@ def _lines(frame: FrameResult, min_score: float) -> list[tuple[str, ...]]:
     truth, adversarial = frame.truth, frame.adversarial
     if adversarial is None:
         return []
-    fates: tuple[tuple[str, Bool], ...] = (
+    outcomes: tuple[tuple[str, Bool], ...] = (
         ("lost", lost_objects(truth, frame.clean, adversarial, min_score)),
         ("displaced", displaced_objects(truth, frame.clean, adversarial, min_score)),
     )
     found_by = [(cloud, *best_detections(truth, cloud)) for cloud in (frame.clean, adversarial)]
     lines = []
-    for fate, is_of_it in fates:
+    for outcome, is_of_it in outcomes:
         for number in np.flatnonzero(is_of_it).tolist():
             box = truth.boxes.geometry[number]
             scores, overlaps = zip(
@@ -86,7 +86,7 @@ def _lines(frame: FrameResult, min_score: float) -> list[tuple[str, ...]]:
             lines.append(
                 (
                     truth.boxes.ids[number],
-                    fate,
+                    outcome,
                     str(frame.index),
                     CLASSES[truth.boxes.labels[number]],
                     f"{np.hypot(box[0], box[1]):.1f}",
