@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from dataclasses import dataclass
+from io import BytesIO
 from typing import NamedTuple
 
 from advpipe.pipeline.results.listed import Listed
@@ -56,8 +57,9 @@ class ReportPicture:
     @property
     def data_uri(self) -> str:
         """The picture for the page, which shows it without another file."""
-        kind, content = ("svg+xml", self.svg) if 0 < len(self.svg) <= MOST_SVG_BYTES else ("png", self.png)
-        return f"data:image/{kind};base64," + base64.b64encode(content).decode("ascii")
+        is_small = 0 < len(self.svg) <= MOST_SVG_BYTES
+        media, content = ("svg+xml", self.svg) if is_small else ("png", _palette_png(self.png))
+        return f"data:image/{media};base64," + base64.b64encode(content).decode("ascii")
 
     @property
     def files(self) -> dict[str, bytes]:
@@ -65,6 +67,16 @@ class ReportPicture:
         stem = self.file_name.removesuffix(".png")
         formats = {self.file_name: self.png, f"{stem}.svg": self.svg, f"{stem}.pdf": self.pdf}
         return {name: content for name, content in formats.items() if content}
+
+
+def _palette_png(png: bytes) -> bytes:
+    """The picture in 128 colours, a third of the size; as it is where that is smaller."""
+    from PIL import Image
+
+    small = BytesIO()
+    with Image.open(BytesIO(png)) as picture:
+        picture.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(small, "PNG", optimize=True)
+    return min(png, small.getvalue(), key=len)
 
 
 @dataclass(frozen=True)
