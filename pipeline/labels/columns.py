@@ -15,7 +15,10 @@ def arrow_schema(columns: Columns) -> Any:
     """The pyarrow schema of these columns, in their order."""
     import pyarrow as pa
 
-    words = pa.dictionary(pa.int32(), pa.string())
+    dictionary = pa.dictionary(pa.int32(), pa.string())
     return pa.schema(
-        [(name, words if kind == "words" else pa.type_for_alias(kind)) for name, kind in columns.items()]
+        [
+            (name, dictionary if column_type == "words" else pa.type_for_alias(column_type))
+            for name, column_type in columns.items()
+        ]
     )

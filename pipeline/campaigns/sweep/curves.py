@@ -104,10 +104,10 @@ def draw_convergence(cells: Sequence[Cell]) -> Figure | None:
 
 
 def _point(cell: Cell, printed: float, is_random: bool) -> Point | None:
-    figures = cell.strongest_random if is_random else cell.attacked
-    if figures is None or isnan(figures.chamfer_distance_m2) or isnan(figures.map_ratio_percent):
+    metrics = cell.strongest_random if is_random else cell.attacked
+    if metrics is None or isnan(metrics.chamfer_distance_m2) or isnan(metrics.map_ratio_percent):
         return None
-    return Point((printed, figures.chamfer_distance_m2), figures.map_ratio_percent, figures.map_ratio_ci95)
+    return Point((printed, metrics.chamfer_distance_m2), metrics.map_ratio_percent, metrics.map_ratio_ci95)
 
 
 def _draw_line(axes: Axes, points: Sequence[Point], place: int, title: str, colour: str, style: str) -> None:

@@ -107,10 +107,10 @@ class SweepReport(Tabular):
         """A row a finished cell: recipe, attack and budget, the paper's figures, and those of report.json."""
         rows = []
         for record in records(self.cells, self.recipes):
-            figures = record.get("row")
-            if isinstance(figures, Mapping):
+            values = record.get("row")
+            if isinstance(values, Mapping):
                 about = {key: value for key, value in record.items() if key != "row"}
-                rows.append({key: plain_value(value) for key, value in {**figures, **about}.items()})
+                rows.append({key: plain_value(value) for key, value in {**values, **about}.items()})
         return rows
 
     def _repr_html_(self) -> str:

@@ -288,8 +288,8 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
     return listed
 
 
-def _distance_and_ratio(figures: CloudMetrics | None) -> list[str]:
-    if figures is None:
+def _distance_and_ratio(metrics: CloudMetrics | None) -> list[str]:
+    if metrics is None:
         return [NOTHING, NOTHING]
-    ratio = with_interval(figures.map_ratio_percent, figures.map_ratio_ci95, 2)
-    return [formatted_number(figures.chamfer_distance_m2, 5), ratio]
+    ratio = with_interval(metrics.map_ratio_percent, metrics.map_ratio_ci95, 2)
+    return [formatted_number(metrics.chamfer_distance_m2, 5), ratio]

@@ -54,7 +54,7 @@ class AttachProblem:
     def max_items(self) -> Int64:
         owner = self.places.owner
         available = np.bincount(owner[owner >= 0], minlength=len(self.goal.targets))
-        return available if self.goal.kind == "create" else np.minimum(available, MAX_POINTS_PER_OBJECT)
+        return available if self.goal.aim == "create" else np.minimum(available, MAX_POINTS_PER_OBJECT)
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         free = np.ones(len(self.places), bool)

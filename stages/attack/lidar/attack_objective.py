@@ -42,13 +42,13 @@ class AttackObjective:
     def __call__(self, points: Float32) -> Float64:
         """The objective (M,) of each object of the goal for these points (K, 4)."""
         success, was = self.goal.success(self.detector.detect(cloud_of(points))), self.clean_success
-        if self.goal.kind == "create":
+        if self.goal.aim == "create":
             return success
         partial = SCORE_LOSS_SHARE * np.clip((success - was) / np.maximum(-was, 1e-9), 0, 1)
         return np.where(was >= 0, 0.0, np.where(success >= 0, 1 + success, partial))
 
     def is_satisfied(self, values: Float64) -> npt.NDArray[np.bool_]:
         """Which objects (M,) need no more points: lost or never detected, or ghost objects that are found."""
-        if self.goal.kind == "create":
+        if self.goal.aim == "create":
             return np.asarray(values >= CREATED_SCORE)
         return np.asarray((values >= 1) | (self.clean_success >= 0))

@@ -37,7 +37,7 @@ class AttackGoal:
 
     targets: their boxes and labels. loss_targets: the targets of the detector's loss.
     sign: +1 where the attack raises that loss, -1 where it lowers it.
-    kind: "break" detections, "hide" the objects, or "create" ghost objects.
+    aim: "break" detections, "hide" the objects, or "create" ghost objects.
     classes: the detector's. note: what the user must know about the targets. decoys: D false detections of
     the clean cloud, however faint; raising their scores counts as success, too.
     """
@@ -45,7 +45,7 @@ class AttackGoal:
     targets: AttackTargets
     loss_targets: AttackTargets
     sign: float
-    kind: str
+    aim: str
     classes: tuple[str, ...]
     note: str = ""
     decoys: AttackTargets = field(
@@ -70,9 +70,9 @@ class AttackGoal:
         away = ~on_decoys.any(axis=1)
         here = Detections(found.boxes[away], found.scores[away], found.labels[away])
         overlap = iou_3d(here.boxes, truth) * (here.labels[:, None] == labels[None])
-        if self.kind == "create":
+        if self.aim == "create":
             on_objects = np.asarray((overlap * here.scores[:, None]).max(axis=0, initial=0.0), np.float64)
-        elif self.kind == "hide":
+        elif self.aim == "hide":
             loose = np.array([LOOSE_IOU[self.classes[label]] for label in labels.tolist()])
             on_objects = -np.asarray(((overlap >= loose) * here.scores[:, None]).max(axis=0, initial=0.0))
         else:
@@ -120,7 +120,7 @@ def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, bo
 
 def with_decoys(goal: AttackGoal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
     """The goal with the detector's false detections in the clean cloud as decoys; only for "break"."""
-    if goal.kind != "break":
+    if goal.aim != "break":
         return goal
     found = detector.detect(cloud)
     away = iou_bev(found.boxes, boxes.geometry).max(axis=1, initial=0.0) <= 0

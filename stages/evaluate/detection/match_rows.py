@@ -78,17 +78,17 @@ def _outcomes(frame: FrameResult, cloud: CloudResult) -> dict[str, dict[str, lis
     for (criterion, name), matches in cloud.matches.items():
         truths = np.flatnonzero(labelled(truth_labels, name))
         detections = np.flatnonzero(labelled(labels, name))
-        fate, match = f"fate_{criterion}", f"match_{criterion}"
+        outcome, match = f"fate_{criterion}", f"match_{criterion}"
         for k, finds in enumerate(matches.finds):
             number = detections[k]
-            outcomes[DETECTION][fate][number] = (
+            outcomes[DETECTION][outcome][number] = (
                 FOUND if matches.is_true_positive[k] else IGNORED if matches.is_ignored[k] else FALSE
             )
             outcomes[DETECTION][match][number] = int(truths[finds]) if finds >= 0 else None
         for m, found_by in enumerate(matches.found_by):
             number = truths[m]
             if matches.is_evaluated[m]:
-                outcomes[TRUTH][fate][number] = FOUND if found_by >= 0 else MISSED
+                outcomes[TRUTH][outcome][number] = FOUND if found_by >= 0 else MISSED
             outcomes[TRUTH][match][number] = int(detections[found_by]) if found_by >= 0 else None
     return outcomes
 

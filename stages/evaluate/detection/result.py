@@ -106,7 +106,7 @@ def _notes(
 ) -> Iterator[str]:
     """Notes on too few blocks, an undefined mAP ratio, objects with few points left, and weak or strong
     baselines."""
-    n_blocks, tries = scored.bootstrap.n_blocks, attack.baseline_tries
+    n_blocks, baseline_tries = scored.bootstrap.n_blocks, attack.baseline_tries
     if n_blocks < 2:
         yield f"The frames fill fewer than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."
     elif n_blocks < FEW_BLOCKS:
@@ -115,8 +115,8 @@ def _notes(
         yield "mAP ratio undefined: nothing found on the clean bag at strict overlap."
     if attacked and (hidden := attacked.objects_below_min_points):
         yield f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count."
-    if attack.query_budget is not None and 0 < tries < attack.query_budget:
-        best_of = f"the best of {tries}, the attack is the best of {attack.query_budget} tries"
+    if attack.query_budget is not None and 0 < baseline_tries < attack.query_budget:
+        best_of = f"the best of {baseline_tries}, the attack is the best of {attack.query_budget} tries"
         yield f"The random baselines are {best_of}."
     if significant_vs_random is False:
         stronger = [baseline_title(name) for name, each in baselines.items() if not each.is_significant]

@@ -75,11 +75,11 @@ def _head(text: str, cells: Sequence[str], place: int, formulas: Mapping[str, st
 
 def _term(head: str, formulas: Mapping[str, str]) -> str:
     """The definition that is named like the head or has it among its names; "" without one."""
-    word = _UNIT.sub("", head.lower().removesuffix(", r40"))
+    term = _UNIT.sub("", head.lower().removesuffix(", r40"))
     for name in formulas:
-        if word in [each.strip() for each in name.lower().split(",")]:
+        if term in [each.strip() for each in name.lower().split(",")]:
             return name
-    for candidate in (TERMS.get(word), TERMS.get(word.partition(":")[0].partition(",")[0])):
+    for candidate in (TERMS.get(term), TERMS.get(term.partition(":")[0].partition(",")[0])):
         if candidate in formulas:
             return str(candidate)
     return ""
