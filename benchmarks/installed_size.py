@@ -23,6 +23,7 @@ PURPOSES = {
     "pyarrow": "labels, results and trajectories in Parquet",
     "scipy": "filters, statistics, nearest neighbours",
     "matplotlib": "figures",
+    "pillow": "figures in fewer bytes for pages",
     "numpy": "everything",
     "shapely": "buildings and roads as polygons",
     "pyproj": "GNSS coordinates",
