@@ -30,7 +30,7 @@ def report(clean, attacked, tmp_path):
     return tmp_path / "report"
 
 
-def test_fates_are_those_of_the_tables(report):
+def test_outcomes_are_those_of_the_tables(report):
     scenes = scenes_of(report)
     table = pq.read_table(str(report / "results.parquet")).to_pylist()
     assert len(scenes) == 3
