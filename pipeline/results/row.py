@@ -90,6 +90,12 @@ class ResultRow:
         """The name of the plain random baseline with the lowest mAP ratio; None where none is defined."""
         return lowest({name: each.metrics.map_ratio_percent for name, each in self.baselines.items()})
 
+    @property
+    def identity(self) -> tuple[str, str, str, str | None, str | None, Any]:
+        """What a record of this attack begins with: bag, detector, attack, recipe, parameter and value."""
+        attack = self.attack
+        return self.bag, self.detector, attack.attack, attack.recipe, attack.parameter, attack.value
+
     def record(self) -> Record:
         """The row as `report.json` has it: flat, each key of a baseline begins with its name."""
         known = self.clean.precisions.ap

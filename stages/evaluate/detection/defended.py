@@ -15,16 +15,11 @@ from advpipe.stages.evaluate.detection.scored import Scored
 
 def defence_records(scored: Scored, result: ResultRow) -> Iterator[DefenceRecord]:
     """A record for each defence: mAP on clean and attacked clouds under it, and its cost on clean ones."""
-    clean, attack = scored.by_condition["clean"], result.attack
+    clean = scored.by_condition["clean"]
     for defence in scored.comparison.defences:
         before = scored.matches_under(under("clean", defence))
         yield DefenceRecord(
-            result.bag,
-            result.detector,
-            attack.attack,
-            attack.recipe,
-            attack.parameter,
-            attack.value,
+            *result.identity,
             defence=defence,
             frames=result.counts.frames,
             map_clean=before.mean_ap(),

@@ -60,7 +60,7 @@ def _record(
 ) -> EffectRecord:
     """matches: of the condition and of the clean clouds, over these frames."""
     evaluated, clean = matches
-    attack, bootstrap = result.attack, evaluated.bootstrap
+    bootstrap = evaluated.bootstrap
     row_of = {row.frame: row for row in scored.per_frame}
     rows = [row_of[frame.index] for frame in frames]
     lost = np.array([_lost(row, condition) for row in rows])
@@ -76,12 +76,7 @@ def _record(
     found, n_lost = map(int, lost.sum(axis=0))
     strictly_found, n_displaced = map(int, displaced.sum(axis=0))
     return EffectRecord(
-        result.bag,
-        result.detector,
-        attack.attack,
-        attack.recipe,
-        attack.parameter,
-        attack.value,
+        *result.identity,
         condition=condition,
         frames=which,
         frame_count=len(frames),

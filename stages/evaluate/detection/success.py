@@ -42,17 +42,12 @@ def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]
 
 
 def _record(scored: Scored, result: ResultRow, condition: str, name: str, stratum: Stratum) -> SuccessRecord:
-    frames, bootstrap, attack = scored.comparison.frames, scored.bootstrap, result.attack
+    frames, bootstrap = scored.comparison.frames, scored.bootstrap
     counts = np.array([_counts(frame, condition, name, stratum, scored.min_score) for frame in frames])
     # (F, 6): found, lost and new at loose overlap, found and lost at strict overlap, displaced
     found, lost, new, strictly_found, strictly_lost, displaced = (int(count) for count in counts.sum(axis=0))
     return SuccessRecord(
-        result.bag,
-        result.detector,
-        attack.attack,
-        attack.recipe,
-        attack.parameter,
-        attack.value,
+        *result.identity,
         condition=condition,
         class_name=name,
         range=stratum.name,

@@ -95,14 +95,9 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
 
 
 def _baseline_record(result: ResultRow, name: str) -> BaselineRecord:
-    attack, baseline = result.attack, result.baselines[name]
+    baseline = result.baselines[name]
     return BaselineRecord(
-        result.bag,
-        result.detector,
-        attack.attack,
-        attack.recipe,
-        attack.parameter,
-        attack.value,
+        *result.identity,
         baseline=name,
         map_ratio_percent=baseline.metrics.map_ratio_percent,
         map_ratio_ci95=baseline.metrics.map_ratio_ci95,
