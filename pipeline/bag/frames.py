@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, lidar_topics, sensors_by_topic
 from advpipe.pipeline.bag.ground_truth import BOX_TYPES, LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.uncounted import Uncounted, counted_truth
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.nearest import suggestion
@@ -38,13 +39,14 @@ class Frame:
     """One sweep of the LiDAR and what was around it.
 
     index: counts the clouds of the bag. boxes: ground truth in the LiDAR's frame, with NaN for unknown
-    velocities; empty in a bag without ground truth (`has_ground_truth`).
+    velocities; empty in a bag without ground truth (`has_ground_truth`). uncounted: what counts neither way.
     """
 
     index: int
     stamp_ns: int
     cloud: Cloud
     boxes: Boxes
+    uncounted: Uncounted = field(default_factory=Uncounted)
 
 
 def find_lidar_topic(reader: BagReader, lidar_topic: str | None = None) -> str:
@@ -135,7 +137,10 @@ def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
         for raw in _with_truth(reader, topic, truth, (first_ns, last_ns), latency_ns):
             if index in run:
                 stamp_ns, frame_id, cloud = reader.cloud(raw)
-                yield Frame(index, stamp_ns, cloud, truth.boxes(stamp_ns, frame_id) if truth else Boxes())
+                boxes, uncounted = (
+                    counted_truth(truth, stamp_ns, frame_id) if truth else (Boxes(), Uncounted())
+                )
+                yield Frame(index, stamp_ns, cloud, boxes, uncounted)
                 seen += 1
             index += 1
         if seen != len(run):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,11 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.labels import IgnoredBoxes, coverage_from_message
 from advpipe.pipeline.messages.topics import TF, TF_STATIC, VehicleTopics, is_truth
 
 LATENCY_NS = 500_000_000
@@ -66,7 +68,16 @@ class GroundTruth:
         self._boxes: dict[int, tuple[str, Boxes]] = {}
         self._velocities: dict[int, dict[str, Float64]] = {}
         self._moving: dict[int, dict[str, tuple[str, Float64]]] = {}
-        self.topic_names = (objects, topics.road_users.name, topics.true_odometry.name, TF.name)
+        self._ignored: dict[int, tuple[str, IgnoredBoxes]] = {}
+        self._coverage: dict[int, tuple[str, LabelCoverage]] = {}
+        self.topic_names = (
+            objects,
+            topics.road_users.name,
+            topics.true_odometry.name,
+            TF.name,
+            topics.ignored_objects.name,
+            topics.label_coverage.name,
+        )
 
     def boxes(self, stamp_ns: int, lidar_frame: str) -> Boxes:
         """The boxes with this header stamp, in the LiDAR's frame; all their messages were taken before."""
@@ -81,6 +92,20 @@ class GroundTruth:
         if frame_id == lidar_frame:
             return boxes
         return boxes.transformed(self.lidar_SE3(frame_id, stamp_ns, lidar_frame))
+
+    def coverage(self, stamp_ns: int, lidar_frame: str) -> LabelCoverage:
+        """Where objects are labelled at this stamp, in the LiDAR's frame; everywhere, if nothing says."""
+        frame_id, coverage = self._coverage.get(stamp_ns, (lidar_frame, LabelCoverage()))
+        if frame_id == lidar_frame:
+            return coverage
+        return coverage.transformed(self.lidar_SE3(frame_id, stamp_ns, lidar_frame))
+
+    def ignored(self, stamp_ns: int, lidar_frame: str) -> IgnoredBoxes:
+        """The objects with this stamp that count neither way, in the LiDAR's frame."""
+        frame_id, ignored = self._ignored.get(stamp_ns, (lidar_frame, IgnoredBoxes()))
+        if frame_id == lidar_frame:
+            return ignored
+        return ignored.transformed(self.lidar_SE3(frame_id, stamp_ns, lidar_frame))
 
     def _without_boxes(self, stamp_ns: int) -> str:
         """What is wrong where no boxes have a cloud's stamp: they are stamped otherwise, or missing."""
@@ -103,7 +128,12 @@ class GroundTruth:
         """Keeps what a message of `topic_names` says."""
         message = self._reader.decode(raw)
         name = raw.topic.name
-        if name == self._objects:
+        if name == self._topics.ignored_objects.name:
+            self._ignored[build.stamp_ns(message)] = (message.header.frame_id, _ignored_boxes(message))
+        elif name == self._topics.label_coverage.name:
+            coverage = coverage_from_message(message)
+            self._coverage[build.stamp_ns(message)] = (message.header.frame_id, coverage)
+        elif name == self._objects:
             boxes = self._boxes_of(message)
             self._boxes[build.stamp_ns(message)] = (message.header.frame_id, boxes)
         elif name == self._topics.road_users.name:
@@ -122,7 +152,7 @@ class GroundTruth:
                 moving.setdefault(transform.child_frame_id, _parent_and_pose(transform))
 
     def _forget_before(self, stamp_ns: int) -> None:
-        for by_stamp in (self._boxes, self._velocities, self._moving):
+        for by_stamp in (self._boxes, self._velocities, self._moving, self._ignored, self._coverage):
             for old in [stamp for stamp in by_stamp if stamp < stamp_ns - LATENCY_NS]:
                 del by_stamp[old]
 
@@ -146,19 +176,16 @@ class GroundTruth:
         return f"{', '.join(names[:-1])} or {names[-1]}"
 
     def _boxes_of(self, message: Any) -> Boxes:
-        rows, labels, ids = [], [], []
         of_objects = hasattr(message, "objects")
-        for name, class_name, centre, size_m in _objects(message) if of_objects else _detections(message):
-            position = (centre.position.x, centre.position.y, centre.position.z)
+        objects = list(_objects(message) if of_objects else _detections(message))
+        for name, _, _, size_m in objects:
             if len(size_m) != 3:
                 raise AdvpipeError(
                     f"{self._reader.path}: {self._objects} has {name!r}, whose shape is not a box"
                 )
-            rows.append((*position, *size_m, _yaw(centre.orientation)))
-            labels.append(self._label_of(class_name))
-            ids.append(name)
-        geometry = np.array(rows, np.float64).reshape(-1, 7)
-        return Boxes(geometry, np.array(labels, np.int64), tuple(ids), np.full((len(ids), 3), np.nan))
+        labels = np.array([self._label_of(class_name) for _, class_name, _, _ in objects], np.int64)
+        ids = tuple(name for name, _, _, _ in objects)
+        return Boxes(_geometry(objects), labels, ids, np.full((len(ids), 3), np.nan))
 
     def _label_of(self, name: str) -> int:
         known = CLASS_ALIASES.get(name.lower(), name.lower())
@@ -172,6 +199,22 @@ class GroundTruth:
 
 Named = tuple[str, str, Any, tuple[float, ...]]
 """Id, class, pose of the centre, and length, width and height in metres."""
+
+
+def _geometry(objects: Iterable[Named]) -> Float64:
+    """The boxes (M, 7) of objects that are boxes."""
+    rows = [
+        (centre.position.x, centre.position.y, centre.position.z, *size_m, _yaw(centre.orientation))
+        for _, _, centre, size_m in objects
+    ]
+    return np.array(rows, np.float64).reshape(-1, 7)
+
+
+def _ignored_boxes(message: Any) -> IgnoredBoxes:
+    """The boxes of a vision_msgs/Detection3DArray, with the source's names of their classes."""
+    objects = list(_detections(message))
+    class_names, ids = tuple(each[1] for each in objects), tuple(each[0] for each in objects)
+    return IgnoredBoxes(_geometry(objects), class_names, ids)
 
 
 def _detections(message: Any) -> Iterator[Named]:

@@ -192,15 +192,24 @@ def transforms(stamp_ns: int, parent_SE3_child: Iterable[tuple[str, str, Float64
 
 def detections_message(stamp_ns: int, frame_id: str, boxes: Boxes) -> Any:
     """vision_msgs/Detection3DArray of boxes in the frame `frame_id`, each with score 1."""
+    class_names = [CLASSES[label] for label in boxes.labels]
+    return boxes_message(stamp_ns, frame_id, boxes.geometry, class_names, boxes.ids)
+
+
+def boxes_message(
+    stamp_ns: int, frame_id: str, geometry: Float64, class_names: Sequence[str], ids: Sequence[str]
+) -> Any:
+    """vision_msgs/Detection3DArray of boxes (M, 7) in the frame `frame_id`, with the names of their M classes
+    and their M ids, each with score 1."""
     Detection = message_class("vision_msgs/msg/Detection3D")
     Result = message_class("vision_msgs/msg/ObjectHypothesisWithPose")
     Hypothesis = message_class("vision_msgs/msg/ObjectHypothesis")
     Bounds = message_class("vision_msgs/msg/BoundingBox3D")
     items = []
-    for box, label, name in zip(boxes.geometry, boxes.labels, boxes.ids, strict=True):
+    for box, class_name, name in zip(geometry, class_names, ids, strict=True):
         centre = box_pose(box)
         result = Result(
-            hypothesis=Hypothesis(class_id=CLASSES[label], score=1.0),
+            hypothesis=Hypothesis(class_id=class_name, score=1.0),
             pose=_PoseWithCovariance(pose=centre, covariance=np.zeros(36)),
         )
         bounds = Bounds(center=centre, size=vector3(box[3:6]))

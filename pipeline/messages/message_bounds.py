@@ -29,6 +29,9 @@ LARGEST_M = 1e4
 """Largest dimension of a road user's box."""
 MOST_PAYLOAD_BYTES = 1 << 16
 _STRONGEST_DBM = 200.0
+_MOST_PLANES = 1000
+_LARGEST_PLANE = 1e12
+_MOST_PIXELS = 1e6
 LATEST_NS = ((1 << 31) - 86_400) * 1_000_000_000
 """One day before ROS time stamps end, in January 2038: attacks add delays to log times."""
 
@@ -204,7 +207,39 @@ def _road_users(message: Any) -> Problems:
         yield from _size(user.size)
         velocity = _xyz(user.velocity)
         yield from _finite((v for v in velocity if not math.isnan(v)), FASTEST, "the velocity")
-        yield from _finite([user.occlusion], 1.0, "the occlusion")
+        yield from _finite((v for v in [user.occlusion] if not math.isnan(v)), 1.0, "the occlusion")
+
+
+def _label_coverage(message: Any) -> Problems:
+    yield from _header(message.header)
+    for region in (*message.labelled, *message.ignored):
+        yield from _name(region.name, "region's name")
+        if len(region.planes) % 4 or len(region.planes) > 4 * _MOST_PLANES:
+            yield f"has a region of {len(region.planes)} numbers, not 4 for each plane"
+        yield from _finite((*region.planes.tolist(), region.max_range), _LARGEST_PLANE, "the region")
+
+
+def _image_labels(message: Any) -> Problems:
+    yield from _header(message.header)
+    for label in message.labels:
+        yield from _name(label.id, "label's name")
+        yield from _name(label.class_id, "class")
+        numbers = (
+            label.left,
+            label.top,
+            label.right,
+            label.bottom,
+            label.truncation,
+            label.observation_angle,
+        )
+        yield from _finite(numbers, _MOST_PIXELS, "the image label")
+
+
+def _camera_info(message: Any) -> Problems:
+    yield from _header(message.header)
+    yield from _finite(
+        (*message.k.tolist(), *message.r.tolist(), *message.p.tolist()), FARTHEST_M, "a matrix"
+    )
 
 
 def _text(message: Any) -> Problems:
@@ -213,6 +248,8 @@ def _text(message: Any) -> Problems:
 
 
 _CHECKS: dict[str, Callable[[Any], Problems]] = {
+    "advpipe_msgs/msg/ImageLabelArray": _image_labels,
+    "advpipe_msgs/msg/LabelCoverage": _label_coverage,
     "advpipe_msgs/msg/RoadUserArray": _road_users,
     "advpipe_msgs/msg/V2xReception": _reception,
     "advpipe_msgs/msg/V2xReceptionInfo": _reception_info,
@@ -221,6 +258,7 @@ _CHECKS: dict[str, Callable[[Any], Problems]] = {
     "derived_object_msgs/msg/ObjectArray": _objects,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _initial_pose,
     "nav_msgs/msg/Odometry": _odometry,
+    "sensor_msgs/msg/CameraInfo": _camera_info,
     "sensor_msgs/msg/Imu": _imu,
     "sensor_msgs/msg/NavSatFix": _fix,
     "std_msgs/msg/String": _text,

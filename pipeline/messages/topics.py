@@ -21,11 +21,13 @@ V2X_STATISTICS = Topic("/v2x/statistics", "std_msgs/msg/String", keep_last(1, la
 
 
 LDM_OBJECTS = "ldm/objects"
+IGNORED_OBJECTS = "ground_truth/ignored_objects"
 
 
 def is_truth(topic_name: str) -> bool:
-    """Whether boxes on a topic may be ground truth; the objects of a Local Dynamic Map are not."""
-    return not topic_name.endswith(f"/{LDM_OBJECTS}")
+    """Whether boxes on a topic may be the ground truth that counts; the objects of a Local Dynamic Map and
+    those to be ignored are not."""
+    return not topic_name.endswith((f"/{LDM_OBJECTS}", f"/{IGNORED_OBJECTS}"))
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,24 @@ class VehicleTopics:
     @property
     def road_users(self) -> Topic:
         return Topic(f"/{self.vehicle}/ground_truth/road_users", "advpipe_msgs/msg/RoadUserArray")
+
+    @property
+    def ignored_objects(self) -> Topic:
+        """Labelled objects that count neither way, with the source's names of their classes."""
+        return Topic(f"/{self.vehicle}/{IGNORED_OBJECTS}", "vision_msgs/msg/Detection3DArray")
+
+    @property
+    def label_coverage(self) -> Topic:
+        """Where the source has labelled objects."""
+        return Topic(f"/{self.vehicle}/ground_truth/label_coverage", "advpipe_msgs/msg/LabelCoverage")
+
+    def camera_info(self, camera: str) -> Topic:
+        """A camera's calibration."""
+        return Topic(f"/{self.vehicle}/{camera}/camera_info", "sensor_msgs/msg/CameraInfo")
+
+    def image_labels(self, camera: str) -> Topic:
+        """What the source has labelled in a camera's images."""
+        return Topic(f"/{self.vehicle}/ground_truth/{camera}/labels", "advpipe_msgs/msg/ImageLabelArray")
 
     @property
     def true_odometry(self) -> Topic:

@@ -55,6 +55,10 @@ class FrameMatches:
         hit[hit] = self.scores[self.found_by[hit]] >= min_score
         return hit
 
+    def ignoring(self, detections: Bool) -> FrameMatches:
+        """The same matches with those of the detections (K,) ignored that find no evaluated object."""
+        return replace(self, is_ignored=self.is_ignored | (detections & ~self.is_true_positive))
+
     def is_false_positive(self, min_score: float = 0.0) -> Bool:
         """Which detections (K,) are false positives with at least this score."""
         return ~self.is_true_positive & ~self.is_ignored & (self.scores >= min_score)

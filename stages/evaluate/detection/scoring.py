@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import Frame
+from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.plugins import plugin_errors, user_class
 from advpipe.pipeline.defences.base import Placement
@@ -57,6 +58,7 @@ class Truth:
     is_findable: (M,), in the detector's range and of a class it finds.
     is_evaluated: (M,), findable and with enough points in the clean cloud.
     points: (M,) in the clean cloud. occlusion: (M,) share that something hides; NaN where unknown.
+    uncounted: other objects and regions, which count neither way.
     """
 
     boxes: Boxes
@@ -64,6 +66,7 @@ class Truth:
     is_evaluated: Bool
     points: Int64
     occlusion: Float64
+    uncounted: Uncounted = field(default_factory=Uncounted)
 
     def counted_on(self, cloud: Cloud) -> Truth:
         """The objects, evaluated by their points in another cloud."""
@@ -84,7 +87,8 @@ def ground_truth(
     findable = known & range_m.contains_centres(boxes.geometry)
     hidden = [(occlusion or {}).get(name, np.nan) for name in boxes.ids]
     evaluated = findable & (points >= MIN_POINTS)
-    return Truth(boxes, findable, evaluated, points, np.array(hidden, dtype=np.float64))
+    occlusion_of = np.array(hidden, dtype=np.float64)
+    return Truth(boxes, findable, evaluated, points, occlusion_of, clean.uncounted)
 
 
 def labelled(labels: Int64, name: str) -> Bool:
@@ -151,24 +155,38 @@ class CachedDetector:
 def match(
     truth: Truth, detections: Detections, classes: tuple[str, ...], criteria: Sequence[str] = tuple(CRITERIA)
 ) -> Matches:
-    """The matches of a frame by every criterion and class."""
+    """The matches of a frame by every criterion and class.
+
+    A detection that matches no object is ignored, not a false positive, if it overlaps a box that counts
+    neither way as much as an object of its class would have to, or lies where objects are not labelled.
+    """
     spaces = {CRITERIA[name].space for name in criteria}
     overlaps = {
         space: iou(detections.boxes, truth.boxes.geometry)
         for space, iou in _OVERLAP.items()
         if space in spaces
     }
+    uncounted = {space: _uncounted_overlap(truth.uncounted, detections, space) for space in spaces}
     matches = {}
     for name in classes:
         mine, theirs = labelled(truth.boxes.labels, name), labelled(detections.labels, name)
         for criterion in criteria:
-            matches[criterion, name] = match_overlaps(
-                overlaps[CRITERIA[criterion].space][np.ix_(theirs, mine)],
+            space, min_iou = CRITERIA[criterion].space, CRITERIA[criterion].min_iou[name]
+            found = match_overlaps(
+                overlaps[space][np.ix_(theirs, mine)],
                 truth.is_evaluated[mine],
                 detections.scores[theirs],
-                CRITERIA[criterion].min_iou[name],
+                min_iou,
             )
+            matches[criterion, name] = found.ignoring(uncounted[space][theirs] >= min_iou)
     return matches
+
+
+def _uncounted_overlap(uncounted: Uncounted, detections: Detections, space: str) -> Float64:
+    """The largest overlap (K,) of each detection with a box that counts neither way; infinite where objects
+    are not labelled."""
+    overlap = _OVERLAP[space](detections.boxes, uncounted.boxes.geometry).max(axis=1, initial=0.0)
+    return np.where(uncounted.ignores_centres(detections.boxes), np.inf, overlap)
 
 
 def worth(truth: Truth, matches: Matches) -> Float64:
