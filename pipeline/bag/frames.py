@@ -137,10 +137,7 @@ def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
         for raw in _with_truth(reader, topic, truth, (first_ns, last_ns), latency_ns):
             if index in run:
                 stamp_ns, frame_id, cloud = reader.cloud(raw)
-                boxes, uncounted = (
-                    counted_truth(truth, stamp_ns, frame_id) if truth else (Boxes(), Uncounted())
-                )
-                yield Frame(index, stamp_ns, cloud, boxes, uncounted)
+                yield Frame(index, stamp_ns, cloud, *counted_truth(truth, stamp_ns, frame_id))
                 seen += 1
             index += 1
         if seen != len(run):

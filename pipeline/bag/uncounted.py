@@ -31,8 +31,11 @@ class Uncounted:
         return ~self.coverage.counts(boxes[:, :3])
 
 
-def counted_truth(truth: GroundTruth, stamp_ns: int, lidar_frame: str) -> tuple[Boxes, Uncounted]:
-    """The objects at an instant that count, in the LiDAR's frame, and what does not count."""
+def counted_truth(truth: GroundTruth | None, stamp_ns: int, lidar_frame: str) -> tuple[Boxes, Uncounted]:
+    """The objects at an instant that count, in the LiDAR's frame, and what does not count; without ground
+    truth, neither."""
+    if truth is None:
+        return Boxes(), Uncounted()
     boxes, ignored = truth.boxes(stamp_ns, lidar_frame), truth.ignored(stamp_ns, lidar_frame)
     coverage = truth.coverage(stamp_ns, lidar_frame)
     counts = coverage.counts(boxes.geometry[:, :3])

@@ -31,7 +31,7 @@ class ConvexRegion:
     def contains(self, points_m: Float64) -> Bool:
         """Which of the points (N, 3) lie inside: (N,)."""
         points_m = np.asarray(points_m, np.float64).reshape(-1, 3)
-        above: Bool = (points_m @ self.planes[:, :3].T + self.planes[:, 3] >= 0).all(axis=1)
+        above: Bool = np.all(points_m @ self.planes[:, :3].T + self.planes[:, 3] >= 0, axis=1)
         return above & (np.hypot(points_m[:, 0], points_m[:, 1]) <= self.max_range_m)
 
     def transformed(self, a_SE3_b: Float64) -> ConvexRegion:
@@ -52,7 +52,7 @@ class LabelCoverage:
     def counts(self, points_m: Float64) -> Bool:
         """Whether an object or detection centred at each of the points (N, 3) counts: (N,)."""
         inside = [region.contains(points_m) for region in self.labelled]
-        counted = np.any(inside, axis=0) if inside else np.ones(len(points_m), bool)
+        counted: Bool = np.any(inside, axis=0) if inside else np.ones(len(points_m), bool)
         for region in self.ignored:
             counted &= ~region.contains(points_m)
         return counted

@@ -69,7 +69,7 @@ def coverage_message(stamp_ns: int, frame_id: str, coverage: LabelCoverage) -> A
 
 
 def coverage_from_message(message: Any) -> LabelCoverage:
-    """The regions of an advpipe_msgs/LabelCoverage. Raises ValueError for planes of other than four numbers."""
+    """The regions of an advpipe_msgs/LabelCoverage. Raises ValueError for incomplete planes."""
     return LabelCoverage(
         tuple(_region(each) for each in message.labelled), tuple(_region(each) for each in message.ignored)
     )
