@@ -1,10 +1,11 @@
 """Where a bag comes from: one MCAP metadata record of strings, protected by a checksum.
 
-Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON). A
-simulated drive adds `map_sha256`; an attack `parent_sha256`, `attack`, `recipe`, `parameters` (JSON),
-`budget` (the parameter that bounds the attack), `frames`, `debug` (whether the bag may have debug topics, see
-`messages.debug`) and `code_sha256` (see `pipeline.code`); one on
-clouds also `lidar_topics` (JSON) and `looks` (at how many tries, where the attack says so).
+Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, `versions` (JSON). An
+imported drive has `source` (YAML) instead of scenario and seed. A simulated drive adds `map_sha256`; an
+attack `parent_sha256`, `attack`, `recipe`, `parameters` (JSON), `budget` (the parameter that bounds the
+attack), `frames`, `debug` (whether the bag may have debug topics, see `messages.debug`) and `code_sha256`
+(see `pipeline.code`); one on clouds also `lidar_topics` (JSON) and `looks` (at how many tries, where the
+attack says so).
 """
 
 from __future__ import annotations
@@ -40,6 +41,16 @@ def clean_provenance(scenario_name: str, scenario_yaml: str, seed: int, map_sha2
     }
 
 
+def imported_provenance(name: str, source_yaml: str) -> dict[str, str]:
+    """The record of a drive that was imported: its name there, and the text of source.yaml."""
+    return {
+        "kind": "clean",
+        "scenario_name": name,
+        "source": source_yaml,
+        "versions": _versions_json(_EVERYWHERE),
+    }
+
+
 def attack_provenance(
     parent: Path,
     parent_provenance: Mapping[str, str],
@@ -56,7 +67,7 @@ def attack_provenance(
     """
     inherited = {
         key: parent_provenance[key]
-        for key in ("scenario_name", "scenario", "map_sha256")
+        for key in ("scenario_name", "scenario", "source", "map_sha256")
         if key in parent_provenance
     }
     return {

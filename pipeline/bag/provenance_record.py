@@ -68,6 +68,7 @@ class ProvenanceFields(Document):
     kind: ShortText = ""
     scenario_name: ShortText = ""
     scenario: Text = ""
+    source: Text = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
     map_sha256: ShortText = ""
     versions: dict[ShortText, ShortText] = Field(default_factory=dict)

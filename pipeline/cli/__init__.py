@@ -17,6 +17,7 @@ from advpipe.pipeline.cli.demo import demo
 from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.figures import figures_command
+from advpipe.pipeline.cli.import_ import import_command
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema_command
@@ -48,6 +49,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "figures": figures_command,
     "attacks": attacks_command,
     "sweep": sweep_command,
+    "import": import_command,
     "export": export,
     "run": run,
     "train": train_command,

@@ -1,4 +1,4 @@
-"""The command that writes a bag in the forms of other data sets."""
+"""The command that writes bags in the forms of other data sets."""
 
 from __future__ import annotations
 
@@ -7,37 +7,58 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line
 from advpipe.pipeline.core.nearest import known_names
 
-FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
+V2X_FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """The forms of VeReMi by their names on the command line."""
+
+FORMATS = ("kitti", "openpcdet", "nuscenes", "opv2v", "pcd", *V2X_FORMATS)
+"""All forms; the first ones are the keys of `stages.export.registry`."""
 
 
 def export(
     bag: Annotated[Path, typer.Argument(help="Data set folder, bag directory or .mcap file.")],
-    format: Annotated[
-        str, typer.Option("--format", help=f"The form of its V2X messages: {', '.join(FORMATS)}.")
-    ] = "veremi",
+    format: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "veremi",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<bag>-<format>")
     ] = None,
+    lidar: LidarTopic = None,
+    frames: Annotated[str, typer.Option(help="Frames of the clean bag, start:stop:step.")] = "::",
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Write a bag's V2X messages as others read them, labels included.
+    """Write bags as others read them: clouds, boxes, calibration and splits, or V2X messages.
 
-    veremi: JSON of the VeReMi Extension, a file a receiver and one of ground truth. veremi-2018: of VeReMi.
+    A data set's clean bag and its attacks come under the same names of frames. veremi: V2X messages as JSON
+    of the VeReMi Extension, a file a receiver and one of ground truth; veremi-2018: of VeReMi.
     """
-    from advpipe.pipeline.bag.locate import resolve_bag
-    from advpipe.pipeline.core.errors import UsageError, as_usage_error
-    from advpipe.stages.evaluate.v2x.veremi import export_veremi
+    from advpipe.pipeline.bag.locate import bag_named
+    from advpipe.pipeline.core.errors import UsageError
 
     if format not in FORMATS:
         raise UsageError(f"unknown format {format!r}; {known_names(format, FORMATS)}")
+    if format in V2X_FORMATS:
+        return _veremi(bag, format, out, overwrite)
+    from advpipe.pipeline.core.frame_slice import FrameSlice
+    from advpipe.stages.export.form import ExportOptions
+    from advpipe.stages.export.run import export_bags
+
+    named = bag_named(bag)
+    target = out or named.with_name(f"{named.stem if named.is_file() else named.name}-{format}")
+    options = ExportOptions(lidar, FrameSlice.parse(frames))
+    summary = export_bags(bag, format, target, options, overwrite=overwrite)
+    return Answer(summary.to_dicts()[0], print_line(summary))
+
+
+def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer:
+    from advpipe.pipeline.bag.locate import resolve_bag
+    from advpipe.pipeline.core.errors import as_usage_error
+    from advpipe.stages.evaluate.v2x.veremi import export_veremi
+
     with as_usage_error():
         source = resolve_bag(bag)
     target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")
-    written = export_veremi(source, target, form=FORMATS[format], overwrite=overwrite)
+    written = export_veremi(source, target, form=V2X_FORMATS[format], overwrite=overwrite)
 
     def show() -> None:
         print(

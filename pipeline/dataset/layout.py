@@ -13,6 +13,8 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.dataset.leftovers import Leftover, find_leftovers
 
 SCENARIO_NAME = "scenario.yaml"
+SOURCE_NAME = "source.yaml"
+"""In place of a scenario, where the drive of an imported data set comes from."""
 CARD_NAME = "README.md"
 REPORTS_NAME = "reports"
 REPORT_NAME = "report.json"

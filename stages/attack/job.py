@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import glob
-import hashlib
 import os
 import zipfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.lock import LOCK_NAME, one_at_a_time, remove_folder, take_lock, take_stale_lock
+from advpipe.pipeline.core.job_folder import PARTIAL_SUFFIX, job_folder
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.stages.attack.lidar.base import LidarResult
-
-_HASH_LENGTH = 12
-_PARTIAL = ".partial"
 
 
 @dataclass(frozen=True)
@@ -49,7 +44,7 @@ class Job:
         """Keep the result of a frame; a killed run leaves the whole of it or nothing."""
         file, labels = self._file(index), result.labels
         # A worker of a killed run may still be at the same frame.
-        partial = file.with_suffix(f".{os.getpid()}{_PARTIAL}")
+        partial = file.with_suffix(f".{os.getpid()}{PARTIAL_SUFFIX}")
         try:
             with partial.open("wb") as stream:
                 np.savez(
@@ -72,53 +67,6 @@ class Job:
 
 @contextmanager
 def open_job(out: Path, request: str) -> Iterator[Job]:
-    """The job of a request, in the hidden folder `.<name>.<hash of the request>.job` beside an output.
-
-    request: everything that decides a frame's result, as text. The folder is this run's alone while the
-    block lasts. It is removed at the end of the block, unless an error ends it and there are finished frames
-    to resume from; what dead runs of other requests for the same output left is removed at once. Raises
-    AdvpipeError while another run of the same request is alive.
-    """
-    digest = hashlib.sha256(request.encode()).hexdigest()[:_HASH_LENGTH]
-    folder = out.parent / f".{out.name}.{digest}.job"
-    new_parents = [parent for parent in out.parents if not parent.exists()]
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with one_at_a_time(out.parent):
-        _remove_leftovers(out, folder)
-        folder.mkdir(exist_ok=True)
-        try:
-            lock = take_lock(folder / LOCK_NAME)
-        except OSError:
-            _remove_empty([folder, *new_parents])
-            raise
-    if lock is None:
-        raise AdvpipeError(f"{out} is locked by another run; wait until it ends, or choose another output")
-    is_done = False
-    with lock:
-        _remove(folder.glob(f"*{_PARTIAL}"))
-        try:
-            yield Job(folder)
-            is_done = True
-        finally:
-            if is_done or not any(folder.glob("*.npz")):
-                remove_folder(folder)
-                _remove_empty(new_parents)
-
-
-def _remove(files: Iterable[Path]) -> None:
-    for file in files:
-        file.unlink(missing_ok=True)
-
-
-def _remove_empty(folders: Iterable[Path]) -> None:
-    with suppress(OSError):  # the first one that holds something
-        for folder in folders:
-            folder.rmdir()
-
-
-def _remove_leftovers(out: Path, own: Path) -> None:
-    any_hash = "?" * _HASH_LENGTH
-    for folder in out.parent.glob(f".{glob.escape(out.name)}.{any_hash}.job"):
-        if folder != own and (lock := take_stale_lock(folder / LOCK_NAME)):
-            with lock:
-                remove_folder(folder)
+    """The job of a request for an output; see `core.job_folder`."""
+    with job_folder(out, request, results="*.npz") as folder:
+        yield Job(folder)

@@ -1,0 +1,1 @@
+"""Bags in the forms of other data sets."""

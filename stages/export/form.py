@@ -1,0 +1,58 @@
+"""A form of data sets that clean and adversarial bags can be exported to."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.tabular import Rows, Tabular
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """lidar_topic: one of several LiDARs. frames: those of the clean bag."""
+
+    lidar_topic: str | None = None
+    frames: FrameSlice = ALL_FRAMES
+
+
+@dataclass(frozen=True, repr=False)
+class ExportSummary(Tabular):
+    """What was written. bags: how many, the clean one included. notes: sentences."""
+
+    folder: Path
+    form: str
+    bags: int
+    frames: int
+    objects: int
+    notes: tuple[str, ...] = ()
+
+    def __fspath__(self) -> str:
+        return str(self.folder)
+
+    def __str__(self) -> str:
+        about = (
+            f"{self.folder}: {self.bags} bags, {self.frames} frames, {self.objects} objects as {self.form}"
+        )
+        return "\n".join([about, *self.notes])
+
+    def to_dicts(self) -> Rows:
+        """One row: the folder and the counts."""
+        return [{**asdict(self), "folder": str(self.folder), "notes": " ".join(self.notes)}]
+
+
+class ExportForm(ABC):
+    """One form, such as KITTI's folders. title: for people."""
+
+    title: ClassVar[str]
+
+    @abstractmethod
+    def write(self, bags: Mapping[str, Path], folder: Path, options: ExportOptions) -> ExportSummary:
+        """Write the bags, by the names `clean` and the attacks' ids, into the new folder `folder`.
+
+        A frame has the same name in each of them. Raises AdvpipeError for a bag without what the form needs.
+        """

@@ -1,0 +1,119 @@
+"""Checks that every imported drive has to pass, whatever its form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.message_bounds import LARGEST_M
+from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
+
+FASTEST_MPS = 100.0
+"""No vehicle on a road is faster; poses that imply more belong to another drive or have another unit."""
+
+_FARTHEST_M = 1000.0
+"""No LiDAR of a vehicle measures farther: most points beyond it mean another unit."""
+
+_JUMP_M = 5.0
+"""Between poses, below which time stamps may simply be coarse."""
+
+
+@dataclass
+class DriveChecks:
+    """Checks frame after frame; it remembers what it must of the last one.
+
+    are_related: whether neighbouring frames belong together. warnings: sentences, each once.
+    """
+
+    are_related: bool
+    warnings: list[str] = field(default_factory=list)
+    _last: tuple[str, int, dict[str, Float64]] | None = None
+
+    def check(self, frame: DriveFrame) -> None:
+        """Raises AdvpipeError, one line, for a frame that cannot be right."""
+        if self._last is not None and frame.stamp_ns <= self._last[1]:
+            raise AdvpipeError(
+                f"{frame.name}: its time {frame.stamp_ns} ns is not after that of {self._last[0]} "
+                f"({self._last[1]} ns); sort the frames by time"
+            )
+        for name, vehicle in frame.vehicles.items():
+            for problem in _problems(vehicle):
+                raise AdvpipeError(f"{frame.name}: {problem}")
+            self._check_pose(frame, name, vehicle)
+            for lidar, cloud in vehicle.clouds.items():
+                for warning in _doubts(cloud):
+                    self._warn(f"{lidar} of {name}: {warning}")
+        poses = {n: v.map_SE3_base for n, v in frame.vehicles.items() if v.map_SE3_base is not None}
+        self._last = (frame.name, frame.stamp_ns, poses)
+
+    def _check_pose(self, frame: DriveFrame, name: str, vehicle: VehicleFrame) -> None:
+        pose = vehicle.map_SE3_base
+        if pose is None or self._last is None or name not in self._last[2] or not self.are_related:
+            return
+        moved_m = float(np.linalg.norm(pose[:3, 3] - self._last[2][name][:3, 3]))
+        elapsed_s = (frame.stamp_ns - self._last[1]) / 1e9
+        if moved_m > _JUMP_M and moved_m > FASTEST_MPS * elapsed_s:
+            raise AdvpipeError(
+                f"{frame.name}: the pose of {name} jumps {moved_m:.1f} m in {elapsed_s:.2f} s since "
+                f"{self._last[0]}; import one drive at a time, with poses in metres"
+            )
+
+    def _warn(self, warning: str) -> None:
+        if warning not in self.warnings:
+            self.warnings.append(warning)
+
+
+def _problems(vehicle: VehicleFrame) -> Iterator[str]:
+    for lidar, cloud in vehicle.clouds.items():
+        if not len(cloud):
+            yield f"the cloud of {lidar} has no points"
+            continue
+        points = xyz(cloud)
+        finite = points[np.isfinite(points).all(axis=1)]
+        if not len(finite):
+            yield f"the cloud of {lidar} has no finite point; its columns or its number type are others"
+        elif np.median(np.abs(finite)) > _FARTHEST_M:
+            yield (
+                f"the points of {lidar} lie {np.median(np.linalg.norm(finite, axis=1)):,.0f} m away in the "
+                "median; give metres, in the sensor's own frame (or name the columns)"
+            )
+    boxes = vehicle.boxes
+    if boxes is not None and len(boxes):
+        sizes = boxes.geometry[:, 3:6]
+        if not np.isfinite(boxes.geometry).all():
+            yield "a box has a coordinate that is not finite"
+        elif (sizes <= 0).any() or (sizes > LARGEST_M).any():
+            yield f"a box has the size {sizes[(sizes <= 0) | (sizes > LARGEST_M)][0]:g} m"
+    pose = vehicle.map_SE3_base
+    if pose is not None and not _is_rigid(pose):
+        yield "its pose is not a rotation and a translation"
+
+
+def _is_rigid(pose: Float64) -> bool:
+    rotation = pose[:3, :3]
+    return bool(
+        np.isfinite(pose).all()
+        and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
+        and np.linalg.det(rotation) > 0
+    )
+
+
+def _doubts(cloud: Cloud) -> Iterator[str]:
+    """What is odd about a cloud but may be right."""
+    if not len(cloud):
+        return
+    if float(np.nanmax(cloud["intensity"])) > 1.0:
+        yield (
+            "intensities exceed 1, which detectors take for the strongest return; give "
+            "--scale-intensity (0.00392157 for 0 to 255)"
+        )
+    z_m = cloud["z"][np.isfinite(cloud["z"])]
+    if len(z_m) and float(np.ptp(np.percentile(z_m, [1, 99]))) > float(
+        np.ptp(np.percentile(cloud["x"][np.isfinite(cloud["x"])], [1, 99]))
+    ):
+        yield "it is taller than long: its axes may not be x forward, y left, z up (see --columns)"

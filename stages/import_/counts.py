@@ -1,0 +1,56 @@
+"""How much an import has read."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from advpipe.pipeline.core.document import read_json, read_text
+from advpipe.stages.import_.drive import DriveFrame
+
+_NAME = "counts.json"
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    """Counts over frames and vehicles; objects are labelled ones that count, ignored those that do not."""
+
+    clouds: int = 0
+    points: int = 0
+    objects: int = 0
+    ignored: int = 0
+
+    @classmethod
+    def of(cls, frame: DriveFrame) -> FrameCounts:
+        """The counts of one frame."""
+        vehicles = frame.vehicles.values()
+        return cls(
+            clouds=sum(len(vehicle.clouds) for vehicle in vehicles),
+            points=sum(len(cloud) for vehicle in vehicles for cloud in vehicle.clouds.values()),
+            objects=sum(len(vehicle.boxes) for vehicle in vehicles if vehicle.boxes is not None),
+            ignored=sum(len(vehicle.ignored) for vehicle in vehicles),
+        )
+
+    def __add__(self, other: FrameCounts) -> FrameCounts:
+        return FrameCounts(*(a + b for a, b in zip(_values(self), _values(other), strict=True)))
+
+    def __str__(self) -> str:
+        mean = f"{self.points / max(self.clouds, 1):,.0f}"
+        ignored = f", {self.ignored:,} that count neither way" if self.ignored else ""
+        return f"{self.clouds:,} clouds of {mean} points, {self.objects:,} labelled objects{ignored}"
+
+    def write(self, folder: Path) -> None:
+        """Keep the counts beside the part of the bag that they are about."""
+        (folder / _NAME).write_text(json.dumps(asdict(self)), encoding="utf-8")
+
+
+def read_counts(folder: Path) -> FrameCounts:
+    """The counts that were written into a folder."""
+    where = folder / _NAME
+    counts: FrameCounts = read_json(read_text(where), FrameCounts, str(where), "import again")
+    return counts
+
+
+def _values(counts: FrameCounts) -> tuple[int, ...]:
+    return counts.clouds, counts.points, counts.objects, counts.ignored

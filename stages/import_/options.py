@@ -1,0 +1,81 @@
+"""The options of an import; a form refuses those that mean nothing to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.option_names import option_name
+from advpipe.pipeline.core.options import check_bounds, option
+from advpipe.pipeline.geometry.boxes import CLASSES
+
+IGNORED = "ignore"
+"""In place of a class: boxes that count neither way."""
+
+DROPPED = "drop"
+"""In place of a class: no box at all."""
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """The options of `advpipe import`; `form_options` are those that only some forms take."""
+
+    licence: str | None = option(
+        None, "Licence of the source, an SPDX identifier such as CC-BY-NC-SA-4.0; it stands on the card."
+    )
+    frames: str = option("::", "Frames of the drive to import, start:stop:step.")
+    drive: str | None = option(None, "Which drive (scene, log, sequence) of a source that has several.")
+    split: str | None = option(None, "Only the frames that the source lists for a split, such as val.")
+    interval_s: float | None = option(
+        None, "Time between frames in seconds, where the source has no times.", least=0
+    )
+    lidar_height_m: float | None = option(
+        None, "Height of the LiDAR above the ground in metres, where the source does not know it.", least=0
+    )
+    columns: str | None = option(
+        None, "Columns of each point in a .bin or .npy file, such as x,y,z,intensity,ring; _ skips one."
+    )
+    points: str | None = option(None, "Topic of the point clouds, where a recording has several.")
+    objects: str | None = option(None, "Topic of the true boxes, where a recording has several.")
+    scale_intensity: float | None = option(
+        None, "Factor on intensities, such as 0.00392157 (1/255) for a scale of 0 to 255.", least=0
+    )
+    classes: Mapping[str, str] = field(
+        default_factory=dict,
+        metadata={
+            "help": f"The source's class and ours, NAME=CLASS: {', '.join(CLASSES)}, {IGNORED} (counts "
+            f"neither way) or {DROPPED}; repeatable.",
+            "least": None,
+        },
+    )
+
+    def __post_init__(self) -> None:
+        check_bounds(self)
+        for name, ours in self.classes.items():
+            if ours not in (*CLASSES, IGNORED, DROPPED):
+                raise UsageError(
+                    f"class {name}={ours}: {ours!r} is none of {', '.join((*CLASSES, IGNORED, DROPPED))}"
+                )
+
+    def refuse_others(self, form: str, taken: tuple[str, ...]) -> None:
+        """Raise UsageError for an option that is set although the form does not take it."""
+        default = ImportOptions()
+        for each in fields(self):
+            if each.name in _OF_ALL or each.name in taken:
+                continue
+            if getattr(self, each.name) != getattr(default, each.name):
+                raise UsageError(f"{option_name(each.name)} means nothing to the form {form}; leave it out")
+
+
+_OF_ALL = ("licence", "frames")
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """What is imported from where: the form's name, the source's folder or file, and the options."""
+
+    form: str
+    source: Path
+    options: ImportOptions

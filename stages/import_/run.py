@@ -1,0 +1,162 @@
+"""Imports a drive of another data set: its frames, checked one by one, become a clean bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from advpipe.pipeline.bag.provenance import imported_provenance
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import OutputExistsError, as_usage_error
+from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.core.job_folder import job_folder
+from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.dataset.layout import SOURCE_NAME
+from advpipe.pipeline.mcap.channel import StampedCdr
+from advpipe.pipeline.viewer_layouts.files import write_layouts
+from advpipe.stages.import_.checks import DriveChecks
+from advpipe.stages.import_.counts import FrameCounts, read_counts
+from advpipe.stages.import_.drive import DriveFrame, DriveSource
+from advpipe.stages.import_.options import ImportOptions, ImportRequest
+from advpipe.stages.import_.record import frame_messages, static_messages
+from advpipe.stages.import_.registry import find_form
+
+IMPORTED = FolderKind("data set", (SOURCE_NAME, "clean"), (SOURCE_NAME, "clean/metadata.yaml"))
+
+PART_FRAMES = 20
+"""Frames that a killed import has to read again at most."""
+
+
+@dataclass(frozen=True, repr=False)
+class ImportSummary(Tabular):
+    """What was imported. licence: of the source, None if it was not stated. notes: sentences."""
+
+    bag: Path
+    form: str
+    frames: int
+    counts: FrameCounts
+    licence: str | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def data_set(self) -> Path:
+        """The folder with the clean bag, to which attacks add theirs."""
+        return self.bag.parent
+
+    def __fspath__(self) -> str:
+        return str(self.bag)
+
+    def __str__(self) -> str:
+        licence = f"licence: {self.licence or 'not stated (--licence), so the card cannot say it'}"
+        return "\n".join([f"{self.bag}: {self.frames} frames, {self.counts}", licence, *self.notes])
+
+    def to_dicts(self) -> Rows:
+        """One row: the bag and its counts."""
+        about = {"bag": str(self.bag), "form": self.form, "frames": self.frames}
+        return [{**about, **asdict(self.counts), "licence": self.licence}]
+
+
+def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) -> ImportSummary:
+    """Import a drive as the data set folder `out`: source.yaml and clean/.
+
+    Finished parts are kept in a hidden folder until the whole is done, so that a killed run resumes. Raises
+    AdvpipeError, one line, for a source that is not of the form, is damaged, or holds what cannot be right.
+    """
+    if out.exists() and not overwrite:
+        raise OutputExistsError(out)
+    form = find_form(request.form)
+    request.options.refuse_others(request.form, form.takes)
+    with as_usage_error():
+        source = form.open(request.source, request.options)
+        indices = FrameSlice.parse(request.options.frames).indices(source.frame_count)
+    description = _description(request, source, form.licence, form.citation)
+    checks = DriveChecks(source.are_related)
+    with (
+        job_folder(out, f"{request} {source.frame_count}", results="[0-9]*") as job,
+        staged_folder(out, overwrite, IMPORTED) as folder,
+    ):
+        parts = list(_parts(source, indices, job, checks))
+        text = yaml.safe_dump(description, sort_keys=False, allow_unicode=True)
+        (folder / SOURCE_NAME).write_text(text, encoding="utf-8")
+        provenance = imported_provenance(source.name, text)
+        with BagWriter(folder / "clean", provenance=provenance, finish=write_layouts) as writer:
+            for message in _joined(parts, source):
+                writer.write_cdr(*message)
+        counts = sum((read_counts(part) for part in parts), FrameCounts())
+    notes = (*source.notes, *checks.warnings)
+    return ImportSummary(out / "clean", request.form, len(indices), counts, description["licence"], notes)
+
+
+def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) -> Iterator[Path]:
+    """The chosen frames in bags of `PART_FRAMES`; those that an earlier run finished are not read again."""
+    starts = range(0, len(indices), PART_FRAMES)
+    folders = [job / f"{start:08d}" for start in starts]
+    done = next((k for k, part in enumerate(folders) if not part.is_dir()), len(folders))
+    yield from folders[:done]
+    if done == len(folders):
+        return
+    before = starts[done] - 1  # the last frame that is done tells the checks where the vehicle was
+    frames = _chosen(source, indices[max(before, 0) :])
+    if before >= 0:
+        checks.check(next(frames))
+    chosen = track(frames, f"importing {source.name}", len(indices) - starts[done])
+    for part in folders[done:]:
+        with BagWriter(part, provenance={"kind": "part"}, compression="lz4") as writer:
+            counts = FrameCounts()
+            for frame in islice(chosen, PART_FRAMES):
+                checks.check(frame)
+                counts += FrameCounts.of(frame)
+                for message in frame_messages(frame):
+                    writer.write_cdr(*message)
+            counts.write(writer.folder)
+        yield part
+
+
+def _chosen(source: DriveSource, indices: range) -> Iterator[DriveFrame]:
+    """The frames at these indices."""
+    frames = source.frames(indices[0])
+    for number, frame in enumerate(frames, indices[0]):
+        if number in indices:
+            yield frame
+        if number >= indices[-1]:
+            return
+
+
+def _joined(parts: Sequence[Path], source: DriveSource) -> Iterator[StampedCdr]:
+    """The messages of all parts in time order, after those that are recorded once."""
+    is_first = True
+    for part in track(parts, "writing the bag"):
+        for raw in BagReader(part).raw_messages():
+            if is_first:
+                yield from static_messages(raw.log_time_ns, source.static_transforms)
+                is_first = False
+            yield raw.topic, raw.cdr, raw.log_time_ns
+
+
+def _description(
+    request: ImportRequest, source: DriveSource, licence: str | None, citation: str
+) -> dict[str, Any]:
+    """What source.yaml and the provenance say: the form, the source's name, its licence, and the options."""
+    default, given = ImportOptions(), request.options
+    changed = {
+        each.name: value
+        for each in fields(ImportOptions)
+        if (value := getattr(given, each.name)) != getattr(default, each.name)
+    }
+    return {
+        "form": request.form,
+        "name": source.name,
+        "source": request.source.resolve().name,
+        "licence": given.licence or licence,
+        "citation": citation,
+        "notes": list(source.notes),
+        "options": {name: value for name, value in changed.items() if name != "licence"},
+    }
