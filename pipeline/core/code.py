@@ -14,6 +14,8 @@ CLOUDS = (
     "pipeline/core/frame_slice.py",
     "pipeline/bag/frames.py",
     "pipeline/bag/ground_truth.py",
+    "pipeline/bag/uncounted.py",
+    "pipeline/messages/labels.py",
     "pipeline/baselines.py",
     "pipeline/detector",
     "pipeline/geometry",

@@ -30,8 +30,9 @@ _NOT_EVERYWHERE = frozenset('\\:*?"<>|')
 class Layout:
     """A data set; every path lies in `folder`.
 
-    attacks: the adversarial bags by name. reports: the folders with a report.json. scenario, card: None
-    where there is none. leftovers: of killed runs, and what living ones write; no part of the data set.
+    attacks: the adversarial bags by name. reports: the folders with a report.json. scenario: of a simulated
+    drive. source: of an imported one. card: README.md. The last three are None where there is none.
+    leftovers: of killed runs, and what living ones write; no part of the data set.
     """
 
     folder: Path
@@ -39,6 +40,7 @@ class Layout:
     attacks: tuple[Path, ...]
     reports: tuple[Path, ...]
     scenario: Path | None
+    source: Path | None
     card: Path | None
     leftovers: tuple[Leftover, ...]
 
@@ -72,6 +74,7 @@ def read_layout(folder: Path) -> Layout:
         tuple(adversarial_bags(folder)),
         tuple(sorted(path.parent for path in reports.glob(f"[!.]*/{REPORT_NAME}"))),
         _if_file(folder / SCENARIO_NAME),
+        _if_file(folder / SOURCE_NAME),
         _if_file(folder / CARD_NAME),
         tuple(find_leftovers(folder, too_deep=refuse_deep)),
     )

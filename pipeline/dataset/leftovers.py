@@ -27,7 +27,15 @@ MOST_LEVELS = 100
 
 ATTACK_NAME, CHECKSUMS_NAME = "attack.yaml", "SHA256SUMS"
 
-_WHOLE = ("metadata.yaml", "scenario.yaml", "report.json", "attacks.json", "key.json", CHECKSUMS_NAME)
+_WHOLE = (
+    "metadata.yaml",
+    "scenario.yaml",
+    "source.yaml",
+    "report.json",
+    "attacks.json",
+    "key.json",
+    CHECKSUMS_NAME,
+)
 """Files of whole outputs, which are without a lock for the instant before they get their names."""
 
 _SCRATCH = re.compile(rf"{PREFIX}[a-z0-9_]{{8}}")

@@ -39,11 +39,16 @@ class CloudCounts:
 @dataclass(frozen=True)
 class FrameRow:
     """Index of the frame in the clean bag, stamp, number of evaluated objects, and the counts of each cloud
-    that it has, by condition: a column's name is `points_adv`, the field's and the condition's."""
+    that it has, by condition: a column's name is `points_adv`, the field's and the condition's.
+
+    ignored_objects, ignored_regions: labelled objects and parts of space that count neither way.
+    """
 
     frame: int
     stamp_ns: int
     objects: int
+    ignored_objects: int
+    ignored_regions: int
     clouds: Mapping[str, CloudCounts]
 
     def count(self, condition: str, name: str) -> int | float | None:

@@ -25,6 +25,7 @@ from advpipe.stages.share.facts import BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
 from advpipe.stages.share.options import ShareOptions
 from advpipe.stages.share.pictures import SharedPicture
+from advpipe.stages.share.source import read_source
 
 _HUB_LICENCES = (
     "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-4.0", "odbl",
@@ -36,6 +37,7 @@ _WHAT = {
     "scenario.yaml": Markdown(
         "the scenario with all defaults; `advpipe simulate` reproduces the drive from it"
     ),
+    "source.yaml": Markdown("where the drive was imported from, with its licence and the options"),
     "clean": Markdown("the recorded drive, a rosbag2 folder"),
     "reports": Markdown("measured effect of the attacks"),
     names.CHECKS: Markdown("properties of each bag, for the checkers baglint and Backplane Tracecheck"),
@@ -135,7 +137,8 @@ def write_card(
         mark=Markdown(names.CARD_MARK),
         name=name,
         description=scenario.description,
-        is_simulated=clean.provenance.fields.kind == "clean",
+        is_simulated=clean.provenance.fields.kind == "clean" and not clean.provenance.fields.source,
+        is_imported=bool(clean.provenance.fields.source),
         version=clean.provenance.fields.versions.get("advpipe", ""),
         clean=clean,
         bags=bags,
@@ -169,7 +172,8 @@ def _argument(text: str) -> Markdown:
 
 
 def _front_matter(name: str, clean: BagFacts, attacks: Sequence[BagFacts], options: ShareOptions) -> str:
-    tags = ["autonomous-driving", "simulation", "ros2", "mcap"]
+    is_imported = bool(clean.provenance.fields.source)
+    tags = ["autonomous-driving", *([] if is_imported else ["simulation"]), "ros2", "mcap"]
     tags += ["lidar", "point-cloud"] if clean.lidars else []
     tags += ["v2x"] if clean.description.v2x is not None else []
     tags += ["adversarial-attacks", "robustness"] if attacks else []
@@ -214,8 +218,10 @@ def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:
     """Map, seed and versions, as far as the bag records them."""
     about, place = clean.provenance, scenario.map
     sources = {key: value for key, value in (place.model_extra or {}).items() if value}
+    source = about.get("source", "")
     facts = {
-        "scenario": about.get("scenario_name", ""),
+        "imported drive" if source else "scenario": about.get("scenario_name", ""),
+        "source": _source_text(clean) if source else "",
         "map": ", ".join(f"{key} {value}" for key, value in sources.items()),
         "map's SHA-256": about.get("map_sha256", ""),
         "seed": about.get("seed", ""),
@@ -228,6 +234,14 @@ def _origin(clean: BagFacts, scenario: RecordedScenario) -> dict[str, str]:
     return {key: value for key, value in facts.items() if value} or {
         "recorded by": "another tool than advpipe"
     }
+
+
+def _source_text(clean: BagFacts) -> str:
+    """The form, the name and the licence of an imported drive's source."""
+    source = read_source(clean.path)
+    if source is None:
+        return ""
+    return f"{source.form}, {source.name}, {source.licence or 'licence not stated'}"
 
 
 def _attack(bag: BagFacts) -> _Attack:
@@ -263,6 +277,8 @@ def _contents(
                "what": what}  # fmt: skip
     if found.scenario is not None:
         yield {"name": "scenario.yaml", "link": "scenario.yaml", "size": "", "what": _WHAT["scenario.yaml"]}
+    if found.source is not None:
+        yield {"name": "source.yaml", "link": "source.yaml", "size": "", "what": _WHAT["source.yaml"]}
     for report in found.reports:
         place = report.relative_to(found.folder).as_posix()
         page = f"{place}/report.html" if (report / "report.html").is_file() else place

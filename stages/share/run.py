@@ -21,6 +21,7 @@ from advpipe.stages.share.additions import write_additions
 from advpipe.stages.share.chain import check_chain
 from advpipe.stages.share.facts import read_facts
 from advpipe.stages.share.options import DEFAULT_OPTIONS, ShareOptions
+from advpipe.stages.share.source import read_source, source_warnings, with_source
 from advpipe.stages.share.warnings import sharing_warnings
 
 __all__ = ["ShareOptions", "ShareSummary", "share"]
@@ -55,13 +56,16 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
     if options.sign is not None:
         signature.load_private_key(options.sign)
     files = _own_files(found)
+    source = read_source(found.clean)
+    source_notes = tuple(source_warnings(options, source))
+    options = with_source(options, source)
     sums = {name: sha256_of(path) for name, path in track(files.items(), f"reading {dataset}", len(files))}
     sha256_of_bags = {bag.name: _sha256(bag, found, sums) for bag in found.bags}
     unchecked = check_chain(found, sha256_of_bags)
     bags = [read_facts(bag) for bag in track(found.bags, "describing the bags")]
     if not bags[0].topics:
         raise UsageError(f"{found.clean} holds no messages")
-    warnings = (*unchecked, *sharing_warnings(found, bags, options))
+    warnings = (*unchecked, *source_notes, *sharing_warnings(found, bags, options))
     name = out.stem if _is_archive(out) else out.resolve().name
     with scratch_folder() as made:
         write_additions(made, name, found, bags, sums, sha256_of_bags, options, warnings)

@@ -19,7 +19,7 @@ def sharing_warnings(found: Layout, bags: Sequence[BagFacts], options: ShareOpti
     """The warnings, one line each."""
     if options.licence is None:
         yield "no licence is stated, so no one may use the data set: give one, such as --licence CC-BY-4.0"
-    if found.scenario is None:
+    if found.source is None and found.scenario is None:
         yield "there is no scenario.yaml: the drive cannot be simulated again"
     attacks = [facts.path for facts in bags if facts.is_attack]
     if not attacks:

@@ -39,6 +39,8 @@ def frame_row(frame: FrameResult, min_score: float) -> FrameRow:
         frame=frame.index,
         stamp_ns=frame.stamp_ns,
         objects=int(frame.truth.is_evaluated.sum()),
+        ignored_objects=len(frame.truth.uncounted.boxes),
+        ignored_regions=len(frame.truth.uncounted.coverage.ignored),
         clouds={condition: _counts(frame, cloud, min_score) for condition, cloud in frame.clouds().items()},
     )
 

@@ -18,6 +18,7 @@ from advpipe.stages.evaluate.detection.metrics import (
     recounted_metrics,
 )
 from advpipe.stages.evaluate.detection.scored import Scored
+from advpipe.stages.evaluate.detection.uncounted_notes import uncounted_notes
 
 FEW_BLOCKS = 10
 """With fewer blocks, intervals are rough."""
@@ -113,6 +114,7 @@ def _notes(
         yield f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."
     if attacked and scored.by_condition["clean"].mean_ap() == 0:
         yield "mAP ratio undefined: nothing found on the clean bag at strict overlap."
+    yield from uncounted_notes(scored.comparison.frames)
     if attacked and (hidden := attacked.objects_below_min_points):
         yield f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count."
     if attack.query_budget is not None and 0 < baseline_tries < attack.query_budget:

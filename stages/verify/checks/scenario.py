@@ -1,4 +1,4 @@
-"""Whether scenario.yaml, attack.yaml and /scenario/info agree with the bag's provenance."""
+"""Whether scenario.yaml, source.yaml, attack.yaml and /scenario/info agree with the bag's provenance."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import yaml
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.plain_yaml import LIMIT_BYTES, load_yaml
-from advpipe.pipeline.dataset.layout import SCENARIO_NAME
+from advpipe.pipeline.dataset.layout import SCENARIO_NAME, SOURCE_NAME
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.stages.verify.checks.base import MessageCheck, MessageView
 from advpipe.stages.verify.result import Fault, Result, Unchecked
+from advpipe.stages.verify.subject import Subject
 
 ATTACK_NAME = "attack.yaml"
 _HIDDEN = ("kind", "scenario")  # keys that attack.yaml omits
@@ -33,16 +34,22 @@ class ScenarioFiles(MessageCheck):
 
     def check(self) -> Iterator[Result]:
         subject, provenance = self.bag.subject, self.bag.provenance
-        if subject.layout is not None and self.bag.path == subject.layout.clean and "scenario" in provenance:
-            path = (
-                subject.root / SCENARIO_NAME
-            )  # for another drive next to it, only its own provenance counts
-            if not path.is_file():
-                yield self._missing(SCENARIO_NAME)
-            elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != provenance["scenario"].encode():
-                yield Fault(SCENARIO_NAME, f"differs from the scenario in {self.bag.place}")
+        # For another drive beside the clean one, only its own provenance counts.
+        is_clean = subject.layout is not None and self.bag.path == subject.layout.clean
+        if is_clean and "scenario" in provenance:
+            yield from self._same_text(subject, SCENARIO_NAME, provenance["scenario"])
+        if is_clean and "source" in provenance:
+            yield from self._same_text(subject, SOURCE_NAME, provenance["source"])
         if self.bag.is_attack and self.bag.path.is_dir():
             yield from self._attack_file()
+
+    def _same_text(self, subject: Subject, name: str, text: str) -> Iterator[Result]:
+        path = subject.root / name
+        if not path.is_file():
+            yield self._missing(name)
+        elif path.stat().st_size > LIMIT_BYTES or path.read_bytes() != text.encode():
+            what = "scenario" if name == SCENARIO_NAME else "source"
+            yield Fault(name, f"differs from the {what} in {self.bag.place}")
 
     def _missing(self, where: str) -> Result:
         """A fault without a checksum list; with a list, `Checksums` reports missing files."""

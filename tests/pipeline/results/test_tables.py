@@ -55,10 +55,12 @@ def test_matches_come_back_as_they_were() -> None:
 
 def test_frames_have_a_column_of_each_cloud_and_count_and_nothing_where_there_is_no_such_cloud() -> None:
     counts = CloudCounts(1000, 10, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.002, 1, 2, 0, 1, 0, 0, 1)
-    frames = (FrameRow(7, 700, 3, {"clean": counts, "adv": counts}), FrameRow(8, 800, 3, {"clean": counts}))
+    both, clean = {"clean": counts, "adv": counts}, {"clean": counts}
+    frames = (FrameRow(7, 700, 3, 2, 1, both), FrameRow(8, 800, 3, 0, 0, clean))
     table = frame_table([(RESULT, frames)], ("clean", "adv"))
     assert table.column_names[:7] == ["bag", "detector", "attack", "recipe", "frame", "stamp_ns", "objects"]
-    assert table.column_names[7] == "points_clean"
+    assert table.column_names[7:10] == ["ignored_objects", "ignored_regions", "points_clean"]
+    assert table["ignored_objects"].to_pylist() == [2, 0]
     assert table.schema.field("points_adv").type == pa.int64()
     assert table.schema.field("chamfer_distance_m2_adv").type == pa.float64()
     assert table["points_removed_adv"].to_pylist() == [10, None]

@@ -1,0 +1,56 @@
+"""Where an imported drive comes from: its card names the form, the source's licence and its citation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.document import Document, ShortText, Text, read_yaml
+from advpipe.stages.share.options import ShareOptions
+
+
+class RecordedSource(Document):
+    """The part of a bag's record of its source that a card shows."""
+
+    form: ShortText = ""
+    name: ShortText = ""
+    licence: ShortText | None = None
+    citation: Text = ""
+
+
+def read_source(bag: Path) -> RecordedSource | None:
+    """The source of an imported bag; None for another one. Raises AdvpipeError for an invalid record."""
+    text = BagReader(bag).provenance.fields.source
+    if not text.strip():
+        return None
+    where = f"{bag}: the provenance record: source"
+    found: RecordedSource = read_yaml(text, RecordedSource, where, "import the drive again")
+    return found
+
+
+def with_source(options: ShareOptions, source: RecordedSource | None) -> ShareOptions:
+    """The options with the source's licence and citation where the user gives none."""
+    if source is None:
+        return options
+    return replace(
+        options,
+        licence=options.licence or source.licence,
+        citation=options.citation or source.citation or None,
+    )
+
+
+def source_warnings(options: ShareOptions, source: RecordedSource | None) -> Iterator[str]:
+    """What the author has to settle before the drive of somebody else is published."""
+    if source is None:
+        return
+    if source.licence is None:
+        yield (
+            f"the drive comes from {source.form} ({source.name}), whose licence is not recorded: share it "
+            "only if you may"
+        )
+    else:
+        yield f"the drive comes from {source.form} ({source.name}) under {source.licence}: share it only so"
+        if options.licence not in (None, source.licence):
+            yield f"{options.licence} is stated, but the source's licence is {source.licence}"
