@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.implementation import import_object
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.import_.form import DriveForm
 
@@ -12,7 +13,12 @@ FORMS: Mapping[str, DriveForm] = {}
 
 
 def find_form(name: str) -> DriveForm:
-    """The form of a name. Raises UsageError for an unknown one."""
-    if name not in FORMS:
-        raise UsageError(f"unknown form {name!r}; {known_names(name, FORMS)}")
-    return FORMS[name]
+    """The form of a name, or an instance of a user's `module:Class`. Raises UsageError for an unknown one."""
+    if name in FORMS:
+        return FORMS[name]
+    if ":" not in name:
+        raise UsageError(f"unknown form {name!r}; {known_names(name, FORMS)} (or your own module:Class)")
+    found = import_object(name, f"cannot load form {name}")
+    if not (isinstance(found, type) and issubclass(found, DriveForm)):
+        raise UsageError(f"{name} is not a form: it has to inherit from DriveForm")
+    return found()

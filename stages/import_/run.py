@@ -80,7 +80,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
     description = _description(request, source, form.licence, form.citation)
     checks = DriveChecks(source.are_related)
     with (
-        job_folder(out, f"{request} {source.frame_count}", results="[0-9]*") as job,
+        job_folder(out, f"{request} {source.frame_count} {PART_FRAMES}", results="[0-9]*") as job,
         staged_folder(out, overwrite, IMPORTED) as folder,
     ):
         parts = list(_parts(source, indices, job, checks))

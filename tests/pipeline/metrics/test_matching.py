@@ -102,3 +102,11 @@ def test_selections_partition_objects_and_detections(seed):
     assert (sum(p.is_evaluated.astype(int) for p in parts) == whole.is_evaluated).all()
     assert (sum(p.is_true_positive.astype(int) for p in parts) == whole.is_true_positive).all()
     assert (sum((~p.is_ignored).astype(int) for p in parts) == ~whole.is_ignored).all()
+
+
+def test_a_detection_may_be_ignored_unless_it_finds_an_evaluated_object():
+    frame = match(cars(0), cars(0, 50, 60), [0.9, 0.8, 0.7])
+    ignored = frame.ignoring(np.array([True, True, False]))
+    assert ignored.is_true_positive.tolist() == [True, False, False]
+    assert ignored.is_ignored.tolist() == [False, True, False]
+    assert ignored.is_false_positive().tolist() == [False, False, True]
