@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from advpipe.bag import open_bag as open_bag
     from advpipe.commands.attack import attack as attack
     from advpipe.commands.evaluate import evaluate as evaluate
+    from advpipe.commands.import_drive import import_drive as import_drive
     from advpipe.commands.simulate import simulate as simulate
     from advpipe.commands.sweep import sweep as sweep
     from advpipe.commands.train import train as train
@@ -121,6 +122,7 @@ _NAMES_OF = {
     "bag": ("Bag", "open_bag"),
     "commands.attack": ("attack",),
     "commands.evaluate": ("evaluate",),
+    "commands.import_drive": ("import_drive",),
     "commands.simulate": ("simulate",),
     "commands.sweep": ("sweep",),
     "commands.train": ("train",),

@@ -26,6 +26,13 @@ def scenario_names(incomplete: str) -> list[str]:
     return _beginning(shipped_scenarios(), incomplete)
 
 
+def form_names(incomplete: str) -> list[str]:
+    """The forms of data sets that can be imported."""
+    from advpipe.stages.import_.options import FORM_NAMES
+
+    return _beginning(FORM_NAMES, incomplete)
+
+
 def defence_names(incomplete: str) -> list[str]:
     """The defences, without their parameters."""
     from advpipe.pipeline.defences.registry import DEFENCES

@@ -7,48 +7,45 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
+from advpipe.pipeline.cli.completion import form_names
+from advpipe.pipeline.cli.shared import Answer, Overwrite, cli_option, print_line
+from advpipe.stages.import_.options import FORM_NAMES, ImportOptions
 
 
 def import_command(
-    form: Annotated[str, typer.Argument(help="The source's form; `advpipe import --forms` lists them.")],
+    form: Annotated[
+        str,
+        typer.Argument(help=f"{', '.join(FORM_NAMES)}, or module:Class.", autocompletion=form_names),
+    ],
     source: Annotated[Path, typer.Argument(help="The source's folder or file.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Data set folder to make.")],
     licence: Annotated[
-        str | None, typer.Option(help="Licence of the source (SPDX), where the form does not fix it.")
-    ] = None,
-    frames: Annotated[str, typer.Option(help="Frames of the drive to import, start:stop:step.")] = "::",
-    drive: Annotated[
-        str | None, typer.Option(help="Which drive (scene, log, sequence) of a source that has several.")
-    ] = None,
-    split: Annotated[str | None, typer.Option(help="Only the frames of a split, such as val.")] = None,
+        str | None, cli_option(ImportOptions, "licence", show_default="the form's")
+    ] = ImportOptions.licence,
+    frames: Annotated[str, cli_option(ImportOptions, "frames")] = ImportOptions.frames,
+    drive: Annotated[str | None, cli_option(ImportOptions, "drive")] = ImportOptions.drive,
+    split: Annotated[str | None, cli_option(ImportOptions, "split")] = ImportOptions.split,
     interval_s: Annotated[
-        float | None, typer.Option("--interval", help="Seconds between frames of a source without times.")
-    ] = None,
+        float | None, cli_option(ImportOptions, "interval_s", "--interval")
+    ] = ImportOptions.interval_s,
     lidar_height_m: Annotated[
-        float | None, typer.Option("--lidar-height", help="Height of the LiDAR above the ground [m].")
-    ] = None,
-    columns: Annotated[
-        str | None, typer.Option(help="Columns of a point in .bin or .npy: x,y,z,intensity,ring; _ skips.")
-    ] = None,
-    points: Annotated[str | None, typer.Option(help="Topic of the point clouds.")] = None,
-    objects: Annotated[str | None, typer.Option(help="Topic of the true boxes.")] = None,
+        float | None, cli_option(ImportOptions, "lidar_height_m", "--lidar-height")
+    ] = ImportOptions.lidar_height_m,
+    columns: Annotated[str | None, cli_option(ImportOptions, "columns")] = ImportOptions.columns,
+    points: Annotated[str | None, cli_option(ImportOptions, "points")] = ImportOptions.points,
+    objects: Annotated[str | None, cli_option(ImportOptions, "objects")] = ImportOptions.objects,
     scale_intensity: Annotated[
-        float | None, typer.Option(help="Factor on intensities, such as 0.00392157 for 0 to 255.")
-    ] = None,
-    classes: Annotated[
-        list[str] | None,
-        typer.Option("--class", help="NAME=CLASS of the source and ours, or ignore or drop; repeatable."),
-    ] = None,
+        float | None, cli_option(ImportOptions, "scale_intensity")
+    ] = ImportOptions.scale_intensity,
+    classes: Annotated[list[str] | None, cli_option(ImportOptions, "classes", "--class")] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Make a data set of a drive that another data set, simulator or ROS recording holds.
 
     The data set is like one of `simulate`: attack it, evaluate, export and share it.
     """
+    from advpipe.commands.import_drive import import_drive
     from advpipe.pipeline.core.errors import UsageError
-    from advpipe.stages.import_.options import ImportOptions, ImportRequest
-    from advpipe.stages.import_.run import import_drive
 
     mapping = {}
     for pair in classes or []:
@@ -56,10 +53,22 @@ def import_command(
         if not equals:
             raise UsageError(f"--class {pair}: write NAME=CLASS, such as Van=truck")
         mapping[name] = ours
-    options = ImportOptions(
-        licence, frames, drive, split, interval_s, lidar_height_m, columns, points, objects,
-        scale_intensity, mapping,
-    )  # fmt: skip
-    summary = import_drive(ImportRequest(form, source, options), out, overwrite=overwrite)
+    summary = import_drive(
+        form,
+        source,
+        out,
+        licence=licence,
+        frames=frames,
+        drive=drive,
+        split=split,
+        interval_s=interval_s,
+        lidar_height_m=lidar_height_m,
+        columns=columns,
+        points=points,
+        objects=objects,
+        scale_intensity=scale_intensity,
+        classes=mapping,
+        overwrite=overwrite,
+    )
     document = {"data_set": summary.data_set, **summary.to_dicts()[0], "notes": list(summary.notes)}
     return Answer(document, print_line(summary))

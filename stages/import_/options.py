@@ -9,7 +9,9 @@ from pathlib import Path
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.options import check_bounds, option
-from advpipe.pipeline.geometry.boxes import CLASSES
+
+FORM_NAMES = ("kitti", "openpcdet", "nuscenes", "av2", "opv2v", "files", "rosbag")
+"""The keys of `registry.FORMS`, where a command line need not load the forms."""
 
 IGNORED = "ignore"
 """In place of a class: boxes that count neither way."""
@@ -45,13 +47,15 @@ class ImportOptions:
     classes: Mapping[str, str] = field(
         default_factory=dict,
         metadata={
-            "help": f"The source's class and ours, NAME=CLASS: {', '.join(CLASSES)}, {IGNORED} (counts "
-            f"neither way) or {DROPPED}; repeatable.",
+            "help": "A class of the source as one of ours, NAME=CLASS: car, truck, cyclist, pedestrian, "
+            f"{IGNORED} (counts neither way) or {DROPPED}; repeatable.",
             "least": None,
         },
     )
 
     def __post_init__(self) -> None:
+        from advpipe.pipeline.geometry.boxes import CLASSES  # numpy is for when an import runs
+
         check_bounds(self)
         for name, ours in self.classes.items():
             if ours not in (*CLASSES, IGNORED, DROPPED):

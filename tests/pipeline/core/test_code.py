@@ -76,6 +76,7 @@ NO_FIGURE = {
     "stages/attack/base.py",
     "stages/attack/family_registry.py",
     "stages/attack/job.py",
+    "pipeline/core/job_folder.py",
     "stages/attack/parameter_docs.py",
     "stages/attack/plugin.py",
     "stages/attack/parameters.py",

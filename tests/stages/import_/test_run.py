@@ -132,7 +132,7 @@ def test_an_existing_output_is_replaced_only_if_asked(drive, tmp_path):
 
 
 def test_unknown_forms_and_options_of_other_forms_are_refused(drive, tmp_path):
-    with pytest.raises(UsageError, match="did you mean .tiny."):
+    with pytest.raises(UsageError, match="did you mean 'tiny'"):
         import_drive(ImportRequest("tini", tmp_path, ImportOptions()), tmp_path / "d")
     with pytest.raises(UsageError, match="means nothing to the form tiny"):
         imported(tmp_path / "d", columns="x,y,z")
