@@ -52,8 +52,9 @@ sample: $(INSTALLED)
 	cp build/sample/scenario.yaml build/sample/reports/small/report.html sample/
 	cp build/sample/clean/clean_0.mcap build/sample/clean/metadata.yaml sample/clean/
 
+# In the order of the folders: xdist would put files of few tests last, and those are the long ones.
 test: $(INSTALLED) lint
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not nightly" tests
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not nightly" tests
 
 wheel-test:
 	PYTHON=$(PYTHON) TORCH_INDEX=$(TORCH_INDEX) tests/wheel.sh

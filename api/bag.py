@@ -15,9 +15,11 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import receiving_vehicles, recorded_receptions
 from advpipe.pipeline.core.errors import UsageError, as_usage_error
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.mcap.channel import TopicInfo
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_SENT, VehicleTopics
+from advpipe.pipeline.replay.recorded_filter import vehicles_with_gnss
 from advpipe.pipeline.v2x.facilities.cam_values import PLAIN, QUANTITIES, values_of_payload
 
 CAM_DTYPE = np.dtype(
@@ -107,7 +109,7 @@ class Bag:
         known = receiving_vehicles(self._reader)
         if vehicle not in known:
             raise UsageError(
-                f"{self.path}: {vehicle} receives no CAMs; vehicles that do: {', '.join(known) or 'none'}"
+                f"{self.path}: {vehicle} receives no CAMs; {known_names(vehicle, known, 'vehicles that do')}"
             )
         rows = [
             (*cam, each.power_dbm, each.sinr_db, -1 if each.number is None else each.number)
@@ -130,6 +132,11 @@ class Bag:
 
         Raises UsageError for a vehicle without any.
         """
+        known = vehicles_with_gnss(self._reader)
+        if vehicle not in known:
+            raise UsageError(
+                f"{self.path}: {vehicle} has no GPS; {known_names(vehicle, known, 'vehicles that do')}"
+            )
         rows = [
             (build.stamp_ns(fix), *_place(fix))
             for _, fix in self._reader.messages(VehicleTopics(vehicle).gnss_fix.name)

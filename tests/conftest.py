@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -11,6 +12,10 @@ import pytest
 
 # Tests run in parallel processes, so more threads would only slow them down.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# Without bytecode, each of the hundreds of processes compiles the libraries anew, in six seconds.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Tests in the background ignore Ctrl-C, and under nohup SIGHUP; commands would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -15,6 +15,7 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.provenance import RECORD_NAME, checked_provenance
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, one_line
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.mcap.channel import RawMessage, TopicInfo
 from advpipe.pipeline.mcap.reader import McapFile, in_time_order
@@ -90,7 +91,9 @@ class BagReader:
     def messages(self, topic: str, last_ns: int | None = None) -> Iterator[tuple[int, Any]]:
         """Log time in ns and decoded message of one topic, in log-time order; up to `last_ns`, included."""
         if topic not in self.topics:
-            raise UsageError(f"{self.path} has no topic {topic}; it has {', '.join(sorted(self.topics))}")
+            raise UsageError(
+                f"{self.path} has no topic {topic}; {known_names(topic, sorted(self.topics), 'it has')}"
+            )
         for raw in self.raw_messages([topic], last_ns=last_ns):
             yield raw.log_time_ns, self.decode(raw)
 

@@ -21,7 +21,7 @@ def detector_names(incomplete: str) -> list[str]:
 
 def scenario_names(incomplete: str) -> list[str]:
     """The shipped scenarios."""
-    from advpipe.pipeline.scenario import shipped_scenarios
+    from advpipe.pipeline.core.shipped_scenarios import shipped_scenarios
 
     return _beginning(shipped_scenarios(), incomplete)
 

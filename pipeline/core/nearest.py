@@ -15,14 +15,16 @@ _MOST_LISTED = 20
 """Beside a suggestion: a longer list would hide it."""
 
 
-def known_names(name: object, known: Iterable[str]) -> str:
+def known_names(name: object, known: Iterable[str], label: str = "known") -> str:
     """For the end of an error about an unknown name: what may be meant, and what is known.
+
+    label: of what is known.
 
     >>> known_names("detahc", ["perturb", "detach"])
     "did you mean 'detach'? known: perturb, detach"
     """
     names = list(known)
-    hint, listed = suggestion(name, names), f"known: {', '.join(names)}"
+    hint, listed = suggestion(name, names), f"{label}: {', '.join(names) or 'none'}"
     if not hint:
         return listed
     return f"{hint} {listed}" if len(names) <= _MOST_LISTED else hint

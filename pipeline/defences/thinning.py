@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.defences.base import DefendedCloud
@@ -45,6 +44,8 @@ class OutlierRemoval:
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         if len(finite) <= self.k:
             return DefendedCloud(cloud)
+        from scipy.spatial import cKDTree  # loaded when it is used: shells complete the names of defences
+
         distance_m, _ = cKDTree(points[finite]).query(points[finite], k=self.k + 1)
         mean_m = distance_m[:, 1:].mean(axis=1)  # the nearest one is the point itself
         limit_m = mean_m.mean() + self.sigmas * mean_m.std(ddof=1)

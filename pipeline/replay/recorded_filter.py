@@ -67,14 +67,19 @@ def read_filter(reader: BagReader) -> RecordedFilter:
     return RecordedFilter(info.sensors, info.map.origin, info.simulation)
 
 
+def vehicles_with_gnss(reader: BagReader) -> list[str]:
+    """Sorted names of the vehicles with GNSS fixes."""
+    names = {name.strip("/").partition("/")[0] for name in reader.topics if name.endswith(GNSS_FIX)}
+    return sorted(name for name in names if VehicleTopics(name).gnss_fix.name in reader.topics)
+
+
 def vehicles_with_filter(reader: BagReader) -> list[str]:
     """Sorted names of the vehicles with GNSS fixes, an estimate and an initial pose."""
-    names = [name.strip("/").partition("/")[0] for name in reader.topics if name.endswith(GNSS_FIX)]
-    return sorted(
+    return [
         name
-        for name in names
+        for name in vehicles_with_gnss(reader)
         if {VehicleTopics(name).odometry.name, VehicleTopics(name).initial_pose.name} <= set(reader.topics)
-    )
+    ]
 
 
 def default_victim(known: Sequence[str]) -> str | None:

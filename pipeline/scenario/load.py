@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import typing
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,21 +15,12 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.section import IsFile
+from advpipe.pipeline.core.shipped_scenarios import shipped_folder, shipped_scenarios
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
 from advpipe.pipeline.scenario.mistakes import mistakes_line
 from advpipe.pipeline.scenario.models import Scenario
-
-
-def shipped_scenarios() -> dict[str, Path]:
-    """The shipped scenarios: a mapping from name to file."""
-    return {path.stem: path for path in sorted(shipped_folder().glob("*.yaml"))}
-
-
-def shipped_folder() -> Path:
-    """The folder of the shipped scenarios, with their road networks in `networks/`."""
-    return Path(str(files("advpipe.scenarios")))
 
 
 def load_scenario(

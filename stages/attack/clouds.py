@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, refuse_without_ground_truth
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -125,7 +126,11 @@ def topic_of(reader: BagReader, spec: AttackSpec) -> str:
         return find_lidar_topic(reader, spec.lidar)
     own = [name for name in lidar_topics(reader) if name.startswith(f"/{spec.victim}/")]
     if not own:
-        raise UsageError(f"{spec.type}: {reader.path} has no clouds of the victim {spec.victim!r}")
+        known = sorted({name.split("/")[1] for name in lidar_topics(reader) if name.count("/") > 1})
+        raise UsageError(
+            f"{spec.type}: {reader.path} has no clouds of the victim {spec.victim!r}; "
+            f"{known_names(spec.victim, known, 'vehicles with clouds')}"
+        )
     default = VehicleTopics(spec.victim).lidar_points.name
     if len(own) > 1 and default not in own:
         raise UsageError(f"{spec.type}: {spec.victim} has several LiDARs; name one: {', '.join(own)}")

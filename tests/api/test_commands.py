@@ -103,6 +103,12 @@ def test_mistakes_are_one_line(done: Path, tmp_path: Path) -> None:
     bag = advpipe.open_bag(done / "drive")
     with pytest.raises(advpipe.UsageError, match="bus receives no CAMs; vehicles that do: ego"):
         bag.cams("bus")
+    with pytest.raises(
+        advpipe.UsageError, match=r"eggo has no GPS; did you mean 'ego'\? vehicles that do: ego"
+    ):
+        bag.fixes("eggo")
+    with pytest.raises(advpipe.UsageError, match=r"no topic /clok; did you mean '/clock'\?"):
+        next(bag.messages("/clok"))
     with pytest.raises(advpipe.UsageError, match="does not exist"):
         advpipe.open_bag(tmp_path / "nothing")
     with pytest.raises(advpipe.UsageError, match="expected start:stop:step"):

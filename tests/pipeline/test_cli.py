@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -138,9 +139,15 @@ def test_negative_seeds_are_refused(run: Run, command: str) -> None:
     assert "--seed" in done.stderr
 
 
-def test_the_three_stages_with_defaults(run: Run, tmp_path: Path) -> None:
-    """The path a new user takes, on the smoke scenario: bags, labels and a report come out."""
-    assert advpipe("simulate", "smoke", folder=tmp_path).returncode == 0
+@pytest.mark.parametrize("recipe", ["random", pytest.param("best", marks=pytest.mark.nightly)])
+def test_the_three_stages_with_defaults(run: Run, tmp_path: Path, recipe: str) -> None:
+    """The path a new user takes, on the smoke scenario: bags, labels and a report come out.
+
+    At night with nothing but defaults, each stage in a process of its own; otherwise in this process, with a
+    recipe that needs no gradient and no baseline.
+    """
+    stage = partial(advpipe, folder=tmp_path) if recipe == "best" else run
+    assert stage("simulate", "smoke").returncode == 0
     again = run("simulate", "smoke")
     assert again.returncode == 2
     assert "--overwrite" in again.stderr
@@ -155,11 +162,12 @@ def test_the_three_stages_with_defaults(run: Run, tmp_path: Path) -> None:
         assert refused.returncode in (1, 2)
         assert refused.stderr.startswith("advpipe: file")
         assert refused.stderr.count("\n") == 1
-    attacked = advpipe("attack", "--type", "detach", "--frames", "0:1", folder=tmp_path)
+    chosen = [] if recipe == "best" else ["--recipe", recipe]
+    attacked = stage("attack", "--type", "detach", "--frames", "0:1", *chosen)
     assert attacked.returncode == 0, attacked.stderr
-    adversarial = tmp_path / "datasets" / "smoke" / "detach-best-0.01"
+    adversarial = tmp_path / "datasets" / "smoke" / f"detach-{recipe}-0.01"
     assert {"metadata.yaml", "attack.yaml", "labels.parquet"} <= {path.name for path in adversarial.iterdir()}
-    evaluated = advpipe("evaluate", folder=tmp_path)
+    evaluated = stage("evaluate")
     assert evaluated.returncode == 0, evaluated.stderr
     assert "detach" in evaluated.stdout
     report = tmp_path / "datasets" / "smoke" / "reports" / "small"

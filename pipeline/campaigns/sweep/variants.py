@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 
 HIDE = "hide"
 """Minimises boxes of loose overlap; without it, an attack minimises boxes of strict overlap."""
@@ -21,7 +22,9 @@ def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
     recipe, *variants = text.split("+")
     for variant in variants:
         if variant not in VARIANTS:
-            raise UsageError(f"unknown variant {variant!r} of recipe {recipe}; known: {', '.join(VARIANTS)}")
+            raise UsageError(
+                f"unknown variant {variant!r} of recipe {recipe}; {known_names(variant, VARIANTS)}"
+            )
     spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
     if text != spelling:
         raise UsageError(f"recipe {text} is spelt {spelling}")

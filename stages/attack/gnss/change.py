@@ -11,6 +11,7 @@ from typing import Any
 from advpipe.pipeline.bag.localisation import estimate_message
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels import fixes
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
@@ -137,8 +138,8 @@ def spoof(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -> GnssCh
     for name, specs in others:
         if stations is None or name not in stations:
             raise UsageError(
-                f"{specs[0].type}: {reader.path} has no vehicle {name!r} with GPS or CAMs; those with GPS: "
-                f"{', '.join(known) or 'none'}"
+                f"{specs[0].type}: {reader.path} has no vehicle {name!r} with GPS or CAMs; "
+                f"{known_names(name, known, 'those with GPS')}"
             )
         _refuse_filterless(specs, name)
     recorded = read_filter(reader) if by_victim else None

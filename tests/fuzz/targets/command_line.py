@@ -34,7 +34,7 @@ COMMANDS = (
         "share",
         "unpack",
     ),
-    *("inspect", "plot", "recover", "verify", "schema"),
+    *("inspect", "plot", "recover", "verify", "schema", "attacks", "clean"),
 )
 PINNED = re.compile(r"duration_s|^--steps|^--cells")
 """Words that stay: without them, a command rightly takes minutes."""
@@ -46,6 +46,8 @@ GOOD = {
     "inspect": ["drive/clean"],
     "verify": ["drive"],
     "plot": ["drive", "--out", "new.png"],
+    "attacks": ["detach"],
+    "clean": ["drive"],
     "recover": ["drive/clean/clean_0.mcap"],
     "unpack": ["archives/town.tar", "--out", "new"],
     "share": ["drive", "--out", "new"],
@@ -102,6 +104,7 @@ OPTIONS = (
         "--sign",
         "--traceback",
     ),
+    *("--cloud", "--attacked", "--remove", "--all"),
     *("-q", "-v", "--help", "--version", "--nonsense"),
 )
 

@@ -30,6 +30,8 @@ def test_suggestion(word: object, meant: str) -> None:
 def test_a_suggestion_stands_before_a_short_list_and_replaces_a_long_one() -> None:
     assert known_names("smal", ["small"]) == "did you mean 'small'? known: small"
     assert known_names("x", ["small", "large"]) == "known: small, large"
+    assert known_names("bus", ["ego"], "vehicles") == "vehicles: ego"
+    assert known_names("bus", [], "vehicles") == "vehicles: none"
     many = [*ATTACKS, *(f"gnss-{letter}" for letter in "abcdefghijklmnop")]
     assert known_names("detahc", many) == "did you mean 'detach'?"
     assert known_names("xyzzy", many) == f"known: {', '.join(many)}"

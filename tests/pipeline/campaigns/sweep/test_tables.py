@@ -164,9 +164,10 @@ def test_loose_overlap_is_laid_beside():
 def test_unknown_variants_are_named():
     assert split_recipe("best+hide+twice") == ("best", ("hide", "twice"))
     with pytest.raises(
-        AdvpipeError, match=r"unknown variant 'thrice' of recipe best; known: hide, half, twice"
+        AdvpipeError,
+        match=r"unknown variant 'hlaf' of recipe best; did you mean 'half'\? known: hide, half, twice",
     ):
-        split_recipe("best+thrice")
+        split_recipe("best+hlaf")
     for recipe in ("best+twice+hide", "best+hide+twice+hide"):
         with pytest.raises(AdvpipeError, match=r"is spelt best\+hide\+twice"):
             split_recipe(recipe)

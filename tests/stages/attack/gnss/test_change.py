@@ -193,6 +193,8 @@ def test_the_same_seed_gives_the_same_bytes(drive, biased):
 def test_refuses_victims_that_are_not_there(drive, tmp_path: Path):
     with pytest.raises(AdvpipeError, match="no vehicle 'bus' with GPS or CAMs; those with GPS: ego, other"):
         change(drive, {"type": "gnss-jam", "victim": "bus"})
+    with pytest.raises(AdvpipeError, match=r"no vehicle 'otter' .*; did you mean 'other'\?"):
+        change(drive, {"type": "gnss-jam", "victim": "otter"})
     with BagWriter(tmp_path / "blind", provenance={}) as bag:
         for raw in drive.raw_messages(["/ego/lidar/points", SCENARIO_INFO.name]):
             bag.copy(raw)
