@@ -116,7 +116,21 @@ def test_a_bag_elsewhere_stands_alone(dataset, tmp_path):
     scenes = open_scenes(alone)
     assert scenes.names == ()
     assert len(scenes) == 4
-    assert scenes.scene(0, None).attacked is None
+    scene = scenes.scene(0, None)
+    assert scene.attacked is not None
+    assert "debug topic" in scene.note
+    before = next(iter(read_frames(dataset / "clean", FrameSlice(0, 1))))
+    labels = next(iter(read_point_labels(dataset / "detach" / "labels.parquet"))).labels
+    assert np.array_equal(xyz(scene.clean[scene.difference.removed]), xyz(before.cloud[labels.point]))
+    assert len(scene.clean) == len(before.cloud)
+    plain = attack_without_debug(dataset, tmp_path / "plain")
+    assert open_scenes(plain).scene(0, None).attacked is None
+
+
+def attack_without_debug(dataset, out):
+    request = AttackRequest((attack_spec(ATTACKS["detach"]),), debug=False)
+    attack(dataset / "clean", out, request, workers=1)
+    return out
 
 
 def test_a_bag_without_a_map_or_truth(dataset, tmp_path):
