@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +115,6 @@ class ReportDetections:
         return FOUND if scores.get(clean["match_loose"], -1.0) >= self.min_score else MISSED
 
 
-@cache
 def _document(report: Path) -> ReportDocument | AdvpipeError:
     try:
         document = read_report(report / REPORT_NAME)

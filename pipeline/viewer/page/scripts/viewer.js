@@ -60,11 +60,11 @@ class Viewer {
     this.root.dataset.ready = String(number);
   }
 
-  // The number of the object that was chosen in the frame before; without one, of one that is lost or displaced;
+  // The number of the object that was chosen in the frame before; without one, of one that is lost, displaced or claimed;
   // or null.
   sameOr(id) {
     const { boxes } = this.scene;
-    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((outcome) => (box) => box.outcome === outcome)]
+    const found = [(box) => id && box.id === id, ...["lost", "displaced", "claimed", "changed"].map((outcome) => (box) => box.outcome === outcome)]
       .map((is) => boxes.findIndex(is));
     return found.find((number) => number >= 0) ?? null;
   }
@@ -112,7 +112,7 @@ class Viewer {
     this.one("objects").value = number === null ? "" : String(number);
     this.one("closer").hidden = number === null;
     const story = number === null
-      ? [element("p", "adv-lead", "Click on a box, or choose an object, to read what became of it.")]
+      ? [element("p", "adv-lead", "Click on a box, or choose an object, to read about it.")]
       : storyOf(this.scene.boxes[number]);
     this.one("story").replaceChildren(...story);
     this.move();
@@ -223,7 +223,8 @@ class Viewer {
 // The places that the first view has to show: objects that count, without the farthest, and all that are hidden.
 // What an attack claims counts as well, if it is not far away.
 function focusOf({ boxes }) {
-  const truth = boxes.filter(({ role, outcome }) => role === "truth" && outcome !== "ignored"); // the nearest ones first
+  const truth = boxes.filter( // the nearest ones first
+    ({ role, outcome, box: [x, y] }) => role === "truth" && outcome !== "ignored" && Math.hypot(x, y) < 100);
   const near = truth.slice(0, Math.ceil(0.85 * truth.length));
   const hidden = truth.filter(({ outcome }) => ["lost", "displaced"].includes(outcome));
   const reach_m = { changed: 90, claimed: 90, believed: 160 };
