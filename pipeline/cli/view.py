@@ -13,6 +13,10 @@ from advpipe.pipeline.cli.shared import Answer, LidarTopic, print_line
 def view_command(
     bag: Annotated[Path, typer.Argument(help="Data set (with all its attacks), rosbag2 folder or .mcap.")],
     lidar: LidarTopic = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Report whose detections are shown.", show_default="the data set's first by name"),
+    ] = None,
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, help="Of this machine.", show_default="any free one")
     ] = 0,
@@ -28,5 +32,5 @@ def view_command(
         addresses.append(url)
         notice(f"{bag} is shown at {url} on this machine; ctrl-C ends it")
 
-    view(bag, lidar_topic=lidar, port=port, open_browser=browser, ready=ready)
+    view(bag, lidar_topic=lidar, report=report, port=port, open_browser=browser, ready=ready)
     return Answer({"url": addresses[0]}, print_line("ended"))

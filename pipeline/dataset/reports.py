@@ -49,6 +49,7 @@ class DetectionRow(Document):
     """An attack's effect on detection; None for what is undefined."""
 
     bag: _FileName | None = None
+    detector: ShortText = ""
     frames: Number | None = None
     map_clean: Number | None = None
     map_adv: Number | None = None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,11 +34,23 @@ TOUCHED_COLOURS_RGB = {"removed": 0xE33D3D, "moved": 0xFFB000, "added": 0x00C8FF
 """Colour of each action of `labels.points.ACTIONS`. Removed points are shown at their clean position, moved
 and added ones at their new position."""
 
-TRUE, FALSE, BELIEVED = "true", "false", "believed"
-_ROLE_COLOURS_RGB = {TRUE: (0.17, 0.63, 0.17), FALSE: (0.89, 0.24, 0.24), BELIEVED: (1.0, 0.69, 0.0)}
-_LIFETIME_S = 1
+TRUE, FALSE, BELIEVED, NOT_SENT = "true", "false", "believed", "not sent"
+"""The role of a position. Not sent: of a message that an attack dropped, or holds back to send it later."""
+
+_ROLE_COLOURS_RGB = {
+    TRUE: (0.17, 0.63, 0.17),
+    FALSE: (0.89, 0.24, 0.24),
+    BELIEVED: (1.0, 0.69, 0.0),
+    NOT_SENT: (0.6, 0.6, 0.6),
+}
+MOST_CLAIMS = 200
+"""Claimed positions in one message, at most: the newest ones of a step."""
+
+LIFETIME_S = 1
+"""How long a marker stays, unless the next one of its claim replaces it."""
+
 _SPHERE_M, _LINE_M, _TEXT_M = 1.5, 0.2, 1.0
-_MOST_ID = 2**31
+MOST_ID = 2**31
 
 
 def is_debug(topic_name: str) -> bool:
@@ -78,7 +91,7 @@ def touched_points_cdr(points: npt.NDArray[np.void], stamp_ns: int, frame_id: st
 class ClaimedPosition:
     """A station or vehicle under attack. id: of the one that it claims to be. label: shown beside it.
 
-    positions_m: (3,) in the map by `TRUE`, `FALSE` and `BELIEVED`, as far as there are such positions.
+    positions_m: (3,) in the map by role, as far as there are such positions.
     """
 
     id: int
@@ -92,10 +105,10 @@ def positions_cdr(stamp_ns: int, claims: Sequence[ClaimedPosition]) -> bytes:
     Each marker replaces the claim's previous one, and vanishes after a second.
     """
     Marker, Point = message_class("visualization_msgs/msg/Marker"), message_class("geometry_msgs/msg/Point")
-    lifetime = message_class("builtin_interfaces/msg/Duration")(sec=_LIFETIME_S, nanosec=0)
+    lifetime = message_class("builtin_interfaces/msg/Duration")(sec=LIFETIME_S, nanosec=0)
     shown = []
     for claim in claims:
-        own = {"action": Marker.ADD, "id": claim.id % _MOST_ID, "lifetime": lifetime}
+        own = {"action": Marker.ADD, "id": claim.id % MOST_ID, "lifetime": lifetime}
         for role, position_m in claim.positions_m.items():
             place, paint = np.eye(4), colour(_ROLE_COLOURS_RGB[role])
             place[:3, 3] = position_m
@@ -116,3 +129,24 @@ def positions_cdr(stamp_ns: int, claims: Sequence[ClaimedPosition]) -> bytes:
                 shown.append(marker(stamp_ns, MAP_FRAME, ns=f"true to {role}", color=paint, **own, **line))
     array = message_class("visualization_msgs/msg/MarkerArray")(markers=shown)
     return serialise(array, "visualization_msgs/msg/MarkerArray")
+
+
+@dataclass(frozen=True)
+class MarkedPosition:
+    """A position (3,) in the map that a debug topic shows. id: of a claim. label: empty for a true one."""
+
+    role: str
+    id: int
+    position_m: Float64
+    label: str
+
+
+def marked_positions(message: Any) -> list[MarkedPosition]:
+    """The positions in a visualization_msgs/MarkerArray of `positions_cdr`; other markers are left out."""
+    roles = {f"{role} label": role for role in _ROLE_COLOURS_RGB}
+    labels = {(roles.get(each.ns), each.id): each.text for each in message.markers}
+    return [
+        MarkedPosition(each.ns, each.id, np.array([at.x, at.y, at.z]), labels.get((each.ns, each.id), ""))
+        for each in message.markers
+        if each.ns in _ROLE_COLOURS_RGB and (at := each.pose.position)
+    ]

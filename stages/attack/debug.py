@@ -7,26 +7,21 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from advpipe.pipeline.labels.cloud_change import CloudChange
-from advpipe.pipeline.labels.points import ADDED, MOVED, REMOVED
+from advpipe.pipeline.labels.touched_points import touched_by
 from advpipe.pipeline.mcap.channel import RawMessage, StampedCdr, Topic
-from advpipe.pipeline.messages.cloud import StampedCloud, xyz
+from advpipe.pipeline.messages.cloud import StampedCloud
 from advpipe.pipeline.messages.debug import (
+    MOST_CLAIMS,
     ClaimedPosition,
     positions_cdr,
     positions_topic,
-    touched_points,
     touched_points_cdr,
     touched_points_topic,
 )
 from advpipe.pipeline.messages.topics import V2X_SENT
 from advpipe.pipeline.messages.types import schema_text, type_hash
 from advpipe.stages.attack.lidar.base import LidarResult
-
-MOST_CLAIMS = 200
-"""Claimed positions in one message, at most: the newest ones of a step."""
 
 
 class DebugMessages:
@@ -56,19 +51,7 @@ class DebugMessages:
 
 def touched_cloud(lidar_topic: str, clean: StampedCloud, result: LidarResult) -> tuple[Topic, bytes]:
     """The points that an attack touched in one cloud: same stamp and frame, see `TOUCHED_POINT_DTYPE`."""
-    change, labels = CloudChange(clean.cloud, result.cloud, result.labels), result.labels
-    removed, moved, added = (labels.action == action for action in (REMOVED, MOVED, ADDED))
-    parts = (
-        (clean.cloud[labels.point[removed]], removed),
-        (change.moved[1], moved),
-        (result.cloud[len(result.cloud) - change.count(ADDED) :], added),
-    )
-    points = np.concatenate(
-        [
-            touched_points(xyz(part), labels.action[chosen], labels.displacement_m[chosen])
-            for part, chosen in parts
-        ]
-    )
+    points = touched_by(CloudChange(clean.cloud, result.cloud, result.labels))
     cdr = touched_points_cdr(points, clean.stamp_ns, clean.frame_id)
     return touched_points_topic(lidar_topic), cdr
 

@@ -10,6 +10,7 @@ from advpipe.stages.verify.checks.checksums import Checksums
 from advpipe.stages.verify.checks.container import Container
 from advpipe.stages.verify.checks.copies import Copies
 from advpipe.stages.verify.checks.crcs import Crcs
+from advpipe.stages.verify.checks.debug_topics import DebugTopics
 from advpipe.stages.verify.checks.fixes import Fixes
 from advpipe.stages.verify.checks.metadata import MetadataYaml
 from advpipe.stages.verify.checks.points import Points
@@ -45,6 +46,7 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "points": Points,
     "cams": CamsCheck,
     "fixes": Fixes,
+    "debug": DebugTopics,
 }
 
 QUICK = ("checksums", "signature", "crcs")

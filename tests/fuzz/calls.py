@@ -98,6 +98,16 @@ def plot(bag: Path, out: Path) -> None:
     draw_bag(bag, out / "picture.png")
 
 
+def view(bag: Path, out: Path) -> str:
+    """The first, a middle and the last frame as the browser gets them."""
+    from advpipe.pipeline.viewer.encoding import encode_scene
+    from advpipe.stages.view.run import open_scenes
+
+    scenes = open_scenes(bag)
+    last = len(scenes) - 1
+    return "\n".join(encode_scene(scenes.scene(index, None)) for index in sorted({0, last // 2, last}))
+
+
 def evaluated(clean: Path, bag: Path, out: Path) -> None:
     """A report of one adversarial bag, without a detector that takes its time."""
     from advpipe.stages.evaluate.run import Options, evaluate, print_report
@@ -127,6 +137,7 @@ BAG_CALLS: dict[str, Call] = {
     "cam": attacked(type="cam-position-offset", attackers={"share": 0.3}),
     "sybil": attacked(type="cam-sybil-grid", attackers={"share": 0.3}),
     "gnss": attacked(type="gnss-bias", victim="ego"),
+    "view": view,
     "detach": attacked(type="detach", recipe="random", parameters={"ratio": 0.05}, frames="0:2"),
 }
 """Of a bag, by the word on the command line where there is one."""

@@ -225,9 +225,11 @@ class V2xChange:
                 yield topics.ldm_objects, ldm_detections_cdr(snapshot), now_ns
 
     def _send(self, channel: Channel, step: V2xStep) -> Iterator[StampedCdr]:
-        sent = self.edited(step) if step.end_ns is not None else []
-        if sent and self._debug is not None and (claims := claims_message(self._labels.claims())):
-            self._debug.add(*claims)
+        sent = list[Sent]()
+        if step.end_ns is not None:
+            sent = self.edited(step)
+            if self._debug is not None and (claims := claims_message(self._labels.claims())):
+                self._debug.add(*claims)
         result = self._drive.send(channel, step, sent)
         if self._congestion:
             self._congestion.observe(result.loads)

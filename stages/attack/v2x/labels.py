@@ -23,7 +23,7 @@ from advpipe.pipeline.labels.messages import (
     MESSAGE_COLUMNS,
 )
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.messages.debug import FALSE, TRUE, ClaimedPosition
+from advpipe.pipeline.messages.debug import FALSE, NOT_SENT, TRUE, ClaimedPosition
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import has_effect
@@ -73,6 +73,7 @@ class Labels:
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
         self._step_rows: list[_Row] = []
+        self._step_held_back: list[tuple[str, Sent]] = []
         self._tables: list[Any] = []
         self._held_back: dict[tuple[int, int], Sent] = {}
         self._editors: list[MessageEditor] = []
@@ -88,7 +89,7 @@ class Labels:
         for station_id, messages in self._by_station.items():
             self._newest[station_id] = messages[-1].payload
         self._step = {message.number: message for message in recorded}
-        self._by_station, self._step_rows = {}, []
+        self._by_station, self._step_rows, self._step_held_back = {}, [], []
         for message in recorded:
             self._by_station.setdefault(message.station_id, []).append(message)
 
@@ -114,12 +115,16 @@ class Labels:
                 self._add(editor_index, CHANGED, message, old, original.request_ns, original.payload)
         for number, message in olds.items():
             self._held_back[editor_index, number] = message
+            self._step_held_back.append((editor.name, message))
         if len(self._rows) >= _BLOCK:
             self._close_block()
 
     def claims(self) -> list[tuple[int, ClaimedPosition]]:
         """The positions that the step's touched messages claim, and the true ones, each with the time when it
-        is sent. CAMs give no height above the road; the markers have one of 1 m."""
+        is sent or would have been. CAMs give no height above the road; the markers have one of 1 m."""
+        return [*self._not_sent(), *self._sent()]
+
+    def _sent(self) -> list[tuple[int, ClaimedPosition]]:
         rows = self._step_rows
         true_m, false_m = (
             places_m(self._geodesy, [row.true for row in rows]),
@@ -137,6 +142,21 @@ class Labels:
                 claim = ClaimedPosition(int(stated["station_id"]), row.part or row.attack, known_m)
                 found.append((row.message.request_ns, claim))
         return found
+
+    def _not_sent(self) -> list[tuple[int, ClaimedPosition]]:
+        """Where the stations are whose messages an attack dropped, or sends in a later step."""
+        held = [(name, message, self._values(message.payload)) for name, message in self._step_held_back]
+        points_m = places_m(self._geodesy, [stated for *_, stated in held]).T
+        return [
+            (
+                message.request_ns,
+                ClaimedPosition(
+                    int(stated["station_id"]), name, {NOT_SENT: np.append(point_m, _SHOWN_HEIGHT_M)}
+                ),
+            )
+            for (name, message, stated), point_m in zip(held, points_m, strict=True)
+            if stated is not None and np.isfinite(point_m).all()
+        ]
 
     def write(self, folder: Path) -> None:
         """Write the file, in order of time; messages that are still held back were dropped."""

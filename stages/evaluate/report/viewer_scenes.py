@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.bag.frames import find_lidar_topic
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, count_points
 from advpipe.pipeline.messages.cloud import xyz
+from advpipe.pipeline.viewer.map_lines import lane_lines, read_lanes
+from advpipe.pipeline.viewer.poses import lidar_SE3_map
 from advpipe.pipeline.viewer.scene import (
     ALWAYS,
     ATTACKED,
@@ -20,12 +25,13 @@ from advpipe.pipeline.viewer.scene import (
     IGNORED,
     LOST,
     MISSED,
-    PREDICTION,
     TRUTH,
     Fact,
     SceneBox,
     ViewerScene,
     object_title,
+    outcome_lead,
+    prediction_box,
 )
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.scoring import (
@@ -64,10 +70,15 @@ def viewer_scenes(
     worst = [frame for _, frame in chosen]
     chosen += [(summary, frame) for summary in order[:1] for frame in best_frames(summary, BEST, worst)]
     chosen += [(summary, frame) for summary in order[1:] for frame in worst_frames(summary, 1)]
-    return [
-        _viewer_scene(summary, frame, load_scene(clean, summary, frame, lidar_topic), len(order) > 1)
-        for summary, frame in chosen[:MOST]
-    ]
+    reader = BagReader(clean)
+    lanes, topic = read_lanes(reader), find_lidar_topic(reader, lidar_topic)
+    scenes = []
+    for summary, frame in chosen[:MOST]:
+        time_ns = int(reader.log_times_ns(topic)[frame.index])
+        place = lidar_SE3_map(reader, topic, time_ns) if lanes else None
+        scene = _viewer_scene(summary, frame, load_scene(clean, summary, frame, lidar_topic), len(order) > 1)
+        scenes.append(scene if place is None else replace(scene, lines=tuple(lane_lines(lanes, place))))
+    return scenes
 
 
 def _map_ratio(summary: Summary) -> float:
@@ -154,13 +165,7 @@ def _lead(outcome: str, truth: Truth, number: int, min_score: float) -> str:
             if few
             else "out of range, or of another class."
         )
-    return {
-        FOUND: "",
-        DISPLACED: "Found strictly on the clean cloud, and only at loose overlap on the attacked one.",
-        LOST: "Found on the clean cloud; on the attacked one no detection with a score of at least "
-        f"{min_score:.2f} overlaps it enough.",
-        MISSED: f"Not found with a score of at least {min_score:.2f} on the clean cloud.",
-    }[outcome]
+    return outcome_lead(outcome, min_score)
 
 
 def _occlusion(share: float) -> Iterator[Fact]:
@@ -176,19 +181,13 @@ def _predictions(summary: Summary, frame: FrameResult) -> Iterator[SceneBox]:
         outcomes = _prediction_outcomes(cloud, summary.min_score)
         for number in np.flatnonzero(cloud.detections.scores >= summary.min_score).tolist():
             box, label = cloud.detections.boxes[number], cloud.detections.labels[number]
-            where = f" on the {condition} cloud" if condition else ""
-            yield SceneBox(
-                PREDICTION,
+            yield prediction_box(
                 box.tolist(),
-                f"predicted {CLASSES[label]}, {cloud.detections.scores[number]:.2f}",
-                outcomes[number],
-                condition,
-                group=f"predictions{where}",
-                facts=(
-                    Fact("score", f"{cloud.detections.scores[number]:.2f}"),
-                    Fact("range", f"{np.hypot(box[0], box[1]):.1f} m"),
-                    Fact("LiDAR points", str(cloud.box_points[number])),
-                ),
+                CLASSES[label],
+                cloud.detections.scores[number],
+                cloud.box_points[number],
+                outcome=outcomes[number],
+                condition=condition,
             )
 
 

@@ -267,6 +267,20 @@ def test_viewers_see_false_and_believed_positions_beside_the_true_ones(drive, tm
     assert times_ns == sorted(times_ns)
 
 
+def test_viewers_see_where_messages_were_dropped(drive, tmp_path):
+    drop = AttackSpec(type="cam-drop", attackers={"share": 1.0}, schedule=SPAN)
+    attack(drive, tmp_path / "adv", AttackRequest((drop,), 7))
+    labels = pq.read_table(tmp_path / "adv" / "v2x_labels.parquet").to_pylist()
+    assert {row["action"] for row in labels} == {"dropped"}
+    reader = BagReader(tmp_path / "adv", debug=True)
+    shown = [each for _, message in reader.messages(f"/advpipe/debug{CAMS}") for each in message.markers]
+    places = {(one.id, one.pose.position.x, one.pose.position.y) for one in shown if one.ns == "not sent"}
+    stated = {(row["station_id"] % 2**31, row["true_x_m"], row["true_y_m"]) for row in labels}
+    assert places <= stated  # the last of a station's in a step is shown
+    assert len(places) >= 0.9 * len(stated)
+    assert {one.text for one in shown if one.ns == "not sent label"} == {"cam-drop: not sent"}
+
+
 def test_without_debug_only_the_debug_topics_are_missing(drive, tmp_path):
     attack(drive, tmp_path / "with", AttackRequest((SPEED, GPS, detach()), 7))
     attack(drive, tmp_path / "without", AttackRequest((SPEED, GPS, detach()), 7, debug=False))

@@ -4,6 +4,7 @@ import shutil
 from collections import Counter
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
@@ -14,7 +15,12 @@ from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.labels.clouds import read_point_labels
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.messages.topics import V2X_STATIONS
+from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.run import AttackRequest, attack
+from advpipe.stages.simulate.run import simulate
 from advpipe.stages.view.run import open_scenes
 
 
@@ -116,7 +122,22 @@ def test_a_bag_elsewhere_stands_alone(dataset, tmp_path):
     scenes = open_scenes(alone)
     assert scenes.names == ()
     assert len(scenes) == 4
-    assert scenes.scene(0, None).attacked is None
+    scene = scenes.scene(0, None)
+    assert scene.attacked is not None
+    assert "debug topic" in scene.note
+    before = next(iter(read_frames(dataset / "clean", FrameSlice(0, 1))))
+    labels = next(iter(read_point_labels(dataset / "detach" / "labels.parquet"))).labels
+    assert np.array_equal(xyz(scene.clean[scene.difference.removed]), xyz(before.cloud[labels.point]))
+    assert len(scene.clean) == len(before.cloud)
+    plain = attack_without_debug(dataset, tmp_path / "plain")
+    assert open_scenes(plain).scene(0, None).attacked is None
+
+
+def attack_without_debug(dataset, out):
+    detach = {"type": "detach", "recipe": "random", "parameters": {"ratio": 0.02}, "frames": "0:4"}
+    request = AttackRequest((attack_spec(detach),), debug=False)
+    attack(dataset / "clean", out, request, workers=1)
+    return out
 
 
 def test_a_bag_without_a_map_or_truth(dataset, tmp_path):
@@ -160,3 +181,72 @@ def test_topics_of_other_types_are_left_out(dataset, tmp_path):
     scene = open_scenes(tmp_path / "bag").scene(15, None)
     assert {box.role for box in scene.boxes} == {"truth"}
     assert {line.kind for line in scene.lines} == {"true"}
+
+
+def test_an_attack_on_clouds_leaves_the_radio_alone(scenes):
+    """Its bag holds only what belongs to its frames: what is missing there was not dropped."""
+    scene = scenes.scene(3, scenes.names.index("detach"))
+    assert {box.condition for box in scene.boxes if box.role in ("cam", "ldm")} == {""}
+    assert of_role(scene, "cam")
+
+
+def test_what_debug_topics_show_stands_where_the_labels_say(scenes, dataset):
+    scene = scenes.scene(19, scenes.names.index("cam"))
+    rows = pq.read_table(dataset / "cam" / "v2x_labels.parquet").to_pylist()
+    offsets_m = {
+        round(float(np.hypot(row["true_x_m"] - row["false_x_m"], row["true_y_m"] - row["false_y_m"])), 3)
+        for row in rows
+    }
+    claims = of_role(scene, "claim")
+    assert Counter(box.outcome for box in claims)["claimed"] > 3
+    places = {(box.outcome, box.title): np.array(box.box[:2]) for box in claims}
+    for (outcome, title), place in places.items():
+        if outcome == "claimed":
+            offset_m = round(float(np.linalg.norm(place - places["true", title])), 3)
+            assert min(abs(offset_m - each) for each in offsets_m) < 0.01
+    assert {box.condition for box in claims} == {"attacked"}
+    lines = [line for line in scene.lines if line.kind == "claim"]
+    assert len(lines) == sum(box.outcome == "claimed" for box in claims)
+    assert of_role(scenes.scene(19, None), "claim") == []
+
+
+def test_spoofed_gps_shows_what_the_vehicle_believes(scenes):
+    scene = scenes.scene(15, scenes.names.index("gnss"))
+    (believed,) = (box for box in of_role(scene, "claim") if box.outcome == "believed")
+    assert believed.facts[0].value == "gnss-bias"
+    path = next(line for line in scene.lines if (line.kind, line.condition) == ("believed", "attacked"))
+    assert np.linalg.norm(path.places - believed.box[:3], axis=1).min() < 0.5
+
+
+@pytest.fixture(scope="module")
+def drive_without_lidar(tmp_path_factory):
+    path = tmp_path_factory.mktemp("radio") / "drive"
+    settings = ("simulation.duration_s=2", "simulation.warmup_s=5", "v2x.penetration=1", "sensors.lidars={}")
+    simulate(load_scenario("smoke", settings), path)
+    request = AttackRequest((attack_spec({"type": "cam-drop", "attackers": {"share": 0.5}}),))
+    attack(path / "clean", path / "drop", request, workers=1)
+    return path
+
+
+def test_a_bag_without_lidar(drive_without_lidar):
+    scenes = open_scenes(drive_without_lidar)
+    assert len(scenes) == 20
+    scene = scenes.scene(19, 0)
+    assert len(scene.clean) == 0
+    outcomes = Counter((box.role, box.outcome) for box in scene.boxes)
+    assert outcomes["truth", ""] > 3
+    assert outcomes["claim", "withheld"] > 1
+    assert outcomes["cam", ""] > 1
+    assert outcomes["ldm", ""] > 1
+    assert {line.kind for line in scene.lines} == {"lane", "true", "believed"}
+    true = {box.facts[0].value: box.box[:2] for box in of_role(scene, "truth")}
+    ages_m = [np.hypot(*np.subtract(box.box[:2], true[box.id.split()[1]])) for box in of_role(scene, "cam")]
+    assert np.median(ages_m) < 3
+
+
+def test_a_bag_with_neither_clouds_nor_poses(dataset, tmp_path):
+    with BagWriter(tmp_path / "bag", provenance={}) as writer:
+        for raw in BagReader(dataset / "clean").raw_messages([V2X_STATIONS.name, "/map/lanes"]):
+            writer.copy(raw)
+    with pytest.raises(UsageError, match="neither LiDAR clouds nor the true poses"):
+        open_scenes(tmp_path / "bag")

@@ -152,6 +152,25 @@ def test_the_command_serves_until_it_is_interrupted(dataset):
     assert (process.returncode, out, errors) == (0, "ended\n", "")
 
 
+def test_nothing_stays_of_a_killed_viewer(dataset):
+    """It writes nothing, and its port is free at once."""
+    before = {path: path.stat().st_mtime_ns for path in sorted(dataset.rglob("*"))}
+    command = [sys.executable, "-m", "advpipe", "view", str(dataset), "--no-browser", "--port"]
+    port = "0"
+    for asked in ((), ("bag.json",), ("bag.json", "scene/1/3.json")):
+        process = subprocess.Popen([*command, port], stderr=subprocess.PIPE, text=True)
+        try:
+            url = next(word for word in process.stderr.readline().split() if word.startswith("http://"))
+            for path in asked:
+                with urllib.request.urlopen(f"{url}{path}", timeout=60) as answer:
+                    answer.read(100)  # and no more
+        finally:
+            process.kill()
+            process.communicate()
+        port = url.rstrip("/").rpartition(":")[2]
+    assert {path: path.stat().st_mtime_ns for path in sorted(dataset.rglob("*"))} == before
+
+
 def test_a_port_that_is_taken(dataset, server):
     port = server.server_address[1]
     command = [sys.executable, "-m", "advpipe", "view", str(dataset), "--port", str(port), "--no-browser"]
@@ -195,6 +214,17 @@ class TestInTheBrowser:
         assert opened.evaluate(f"{ONE}.querySelector('.adv-now').textContent") == "12: 1.20 s"
         asked = [url for url in opened.requests if "/scene/" in url]
         assert [url.rpartition("/scene/")[2] for url in asked] == ["0/0.json", "0/12.json"]
+
+    def test_scrubbing_asks_for_few_frames(self, opened):
+        """Those that were passed while another was on its way are left out; the last one is shown."""
+        opened.evaluate(
+            f"""(() => {{ const line = {ONE}.querySelector(".adv-time");
+            for (let i = 1; i < 19; i++) {{
+                line.value = i; line.dispatchEvent(new Event("input")); }} }})()"""
+        )
+        opened.wait(f"{ONE}.dataset.ready === '18'")
+        asked = [url.rpartition("/")[2] for url in opened.requests if "/scene/" in url]
+        assert asked == ["0.json", "1.json", "18.json"]
 
     def test_another_bag(self, opened):
         opened.evaluate(

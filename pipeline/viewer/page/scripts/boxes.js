@@ -1,6 +1,6 @@
 // Boxes of the truth, of predictions, and of received messages; and which one a click hits.
 
-// How the boxes of a role, with a outcome, are drawn: name of the colour, width in pixels, dashed or not.
+// How the boxes of a role, with an outcome, are drawn: name of the colour, width in pixels, dashed or not.
 const BOX_STYLES = {
   "truth/found": ["truth", 1.8, false],
   "truth/displaced": ["displaced", 3, false],
@@ -15,6 +15,10 @@ const BOX_STYLES = {
   "cam/changed": ["added", 2.6, false],
   "ldm/": ["ldm", 1.8, true],
   "ldm/changed": ["added", 2.6, true],
+  "claim/true": ["truth", 1.8, false],
+  "claim/claimed": ["added", 2.6, false],
+  "claim/believed": ["believed", 2.6, false],
+  "claim/withheld": ["lost", 1.8, true],
 };
 const DASH_M = 0.35;
 
@@ -139,13 +143,13 @@ function targetOf(box, number) {
 }
 
 // Both ends of the twelve edges, and of a line out of the front.
-function edgesOf({ box: [x, y, z, length, width, height, yaw] }) {
+function edgesOf({ role, box: [x, y, z, length, width, height, yaw] }) {
   const place = (along, across, up) => [
     x + along * Math.cos(yaw) - across * Math.sin(yaw), y + along * Math.sin(yaw) + across * Math.cos(yaw), z + up,
   ];
   const [l, w, h] = [length / 2, width / 2, height / 2];
   const floor = [[l, w], [l, -w], [-l, -w], [-l, w]];
-  const ends = [...place(l, 0, -h), ...place(l + Math.max(0.35 * l, 0.3), 0, -h)];
+  const ends = role === "claim" ? [] : [...place(l, 0, -h), ...place(l + Math.max(0.35 * l, 0.3), 0, -h)];
   floor.forEach(([a, b], i) => {
     const [c, d] = floor[(i + 1) % 4];
     ends.push(...place(a, b, -h), ...place(c, d, -h));

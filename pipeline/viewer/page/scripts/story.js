@@ -3,6 +3,7 @@
 const OUTCOMES = {
   found: "found", displaced: "displaced", lost: "lost", missed: "missed", ignored: "not evaluated",
   changed: "by the attack", hit: "finds an object", false: "false positive",
+  true: "true position", claimed: "claimed by the attack", believed: "believed position", withheld: "not sent",
 };
 
 function storyOf(box) {

@@ -27,18 +27,28 @@ class Viewer {
     onThemeChange(() => this.recolour());
   }
 
-  // Shows the frame of a number; the view stays where it is but for the first one.
+  // Shows the frame of a number. While one is on its way, only the last that was asked for comes next: who moves
+  // the time line does not wait for every frame in between.
   async open(number) {
-    this.number = number;
-    const wanted = (this.wanted = (this.wanted || 0) + 1);
-    let scene;
-    try {
-      scene = await this.source.scene(number, this.one("option").value);
-    } catch (error) {
-      this.one("story").replaceChildren(element("p", "adv-lead", `This frame cannot be shown: ${error.message}`));
-      return;
+    this.number = this.wanted = number;
+    this.loading ??= this.load().finally(() => (this.loading = null));
+    await this.loading;
+  }
+
+  async load() {
+    while (this.wanted !== null) {
+      const number = this.wanted;
+      this.wanted = null;
+      try {
+        this.show(number, await this.source.scene(number, this.one("option").value));
+      } catch (error) {
+        this.one("story").replaceChildren(element("p", "adv-lead", `This frame cannot be shown: ${error.message}`));
+      }
     }
-    if (wanted !== this.wanted) return; // another one was asked for meanwhile
+  }
+
+  // The view stays where it is but for the first frame.
+  show(number, scene) {
     const isFirst = !this.scene;
     const kept = this.selected === null ? null : this.scene.boxes[this.selected].id;
     this.scene = scene;
@@ -50,11 +60,11 @@ class Viewer {
     this.root.dataset.ready = String(number);
   }
 
-  // The number of the object that was chosen in the frame before; without one, of one that is lost or displaced;
+  // The number of the object that was chosen in the frame before; without one, of one that is lost, displaced or claimed;
   // or null.
   sameOr(id) {
     const { boxes } = this.scene;
-    const found = [(box) => id && box.id === id, ...["lost", "displaced"].map((outcome) => (box) => box.outcome === outcome)]
+    const found = [(box) => id && box.id === id, ...["lost", "displaced", "claimed", "changed"].map((outcome) => (box) => box.outcome === outcome)]
       .map((is) => boxes.findIndex(is));
     return found.find((number) => number >= 0) ?? null;
   }
@@ -102,7 +112,7 @@ class Viewer {
     this.one("objects").value = number === null ? "" : String(number);
     this.one("closer").hidden = number === null;
     const story = number === null
-      ? [element("p", "adv-lead", "Click on a box, or choose an object, to read what became of it.")]
+      ? [element("p", "adv-lead", "Click on a box, or choose an object, to read about it.")]
       : storyOf(this.scene.boxes[number]);
     this.one("story").replaceChildren(...story);
     this.move();
@@ -112,7 +122,7 @@ class Viewer {
   list() {
     const groups = new Map();
     this.scene.boxes.forEach((box, number) => {
-      const group = box.role === "truth" ? OUTCOMES[box.outcome] : box.group;
+      const group = (box.role === "truth" && OUTCOMES[box.outcome]) || box.group;
       groups.set(group, [...(groups.get(group) || []), new Option(box.title, number)]);
     });
     const nothing = new Option("none chosen", "");
@@ -139,7 +149,8 @@ class Viewer {
       points.total[MOVED] && ["moved", "disc", `moved: ${count(MOVED)}`],
       points.total[ADDED] && ["added", "diamond", `added: ${count(ADDED)}`],
       points.total[REMOVED] && ["removed", "hollow", `removed: ${count(REMOVED)}`],
-      boxes.some(({ outcome }) => outcome === "changed") && ["added", "line", "claimed by the attack"],
+      boxes.some(({ outcome }) => outcome === "changed") && ["added", "line", "received from the attack"],
+      has("claim") && ["claim", "line", "marks of debug topics"],
       has("cam") && ["cam", "line", "CAMs"],
       has("ldm") && ["ldm", "dashed", "Local Dynamic Map"],
       ...["lane", "true", "believed"].map((kind) => lines.some((line) => line.kind === kind) && LINE_MARKS[kind]),
@@ -149,9 +160,9 @@ class Viewer {
 
   // A line of the legend; those of boxes and lines are buttons that hide them.
   mark(name, shape, text) {
-    const isSwitch = ["truth", "prediction", "cam", "ldm", "lane", "true", "believed"].includes(name);
+    const isSwitch = ["truth", "prediction", "claim", "cam", "ldm", "lane", "true", "believed"].includes(name);
     const made = element(isSwitch ? "button" : "span", "adv-mark", text);
-    made.prepend(element("i", `adv-${shape} adv-${name === "true" ? "truth" : name}`, ""));
+    made.prepend(element("i", `adv-${shape} adv-${{ true: "truth", claim: "added" }[name] ?? name}`, ""));
     if (!isSwitch) return made;
     made.type = "button";
     made.title = "show or hide";
@@ -212,10 +223,12 @@ class Viewer {
 // The places that the first view has to show: objects that count, without the farthest, and all that are hidden.
 // What an attack claims counts as well, if it is not far away.
 function focusOf({ boxes }) {
-  const truth = boxes.filter(({ role, outcome }) => role === "truth" && outcome !== "ignored"); // the nearest ones first
+  const truth = boxes.filter( // the nearest ones first
+    ({ role, outcome, box: [x, y] }) => role === "truth" && outcome !== "ignored" && Math.hypot(x, y) < 100);
   const near = truth.slice(0, Math.ceil(0.85 * truth.length));
   const hidden = truth.filter(({ outcome }) => ["lost", "displaced"].includes(outcome));
-  const claimed = boxes.filter(({ outcome, box: [x, y] }) => outcome === "changed" && Math.hypot(x, y) < 90);
+  const reach_m = { changed: 90, claimed: 90, believed: 160 };
+  const claimed = boxes.filter(({ outcome, box: [x, y] }) => Math.hypot(x, y) < (reach_m[outcome] ?? 0));
   const places = [...near, ...hidden, ...claimed].map(({ box }) => box.slice(0, 3));
   return places.length ? places : [[25, 15, 0], [25, -15, 0], [-15, 0, 0]];
 }

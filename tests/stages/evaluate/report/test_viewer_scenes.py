@@ -1,10 +1,12 @@
 """What the viewer of a report tells of objects is what the tables of the report count."""
 
+import base64
 import json
 import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -13,6 +15,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from place_drive import DETECTOR, hide_first_car
 
 from advpipe.commands.evaluate import evaluate
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.markers import lane_markers
+from advpipe.pipeline.messages.topics import LANES, MAP_FRAME, TF, TF_STATIC, VehicleTopics
 
 
 def scenes_of(folder):
@@ -70,6 +77,32 @@ def test_predictions_of_both_clouds(report):
     counts = {each: sum(box["condition"] == each for box in boxes) for each in ("clean", "attacked", "")}
     assert counts == {"clean": 4, "attacked": 3, "": 0}
     assert {box["outcome"] for box in boxes} == {"hit"}
+
+
+def test_lanes_lie_in_the_scene(clean, tmp_path):
+    """A lane 3 m left of the vehicle, which stands at (50, 20) and looks along y."""
+    topics, map_SE3_base, base_SE3_lidar = VehicleTopics(), np.eye(4), np.eye(4)
+    map_SE3_base[:2] = [[0, -1, 0, 50], [1, 0, 0, 20]]
+    base_SE3_lidar[2, 3] = 1.8
+    lane = np.array([[47.0, y, 0.0] for y in (0.0, 60.0)])
+    reader = BagReader(clean)
+    raws = list(reader.raw_messages())
+    with BagWriter(tmp_path / "clean", provenance=reader.provenance) as bag:
+        start_ns = raws[0].log_time_ns
+        bag.write(LANES, lane_markers(start_ns, MAP_FRAME, [(lane, 3.5)]), start_ns)
+        mounted = (topics.base_frame, topics.lidar_frame, base_SE3_lidar)
+        bag.write(TF_STATIC, build.transforms(start_ns, [mounted]), start_ns)
+        for raw in raws:
+            bag.copy(raw)
+            if raw.topic.name == topics.lidar_points.name:
+                pose = (MAP_FRAME, topics.base_frame, map_SE3_base)
+                bag.write(TF, build.transforms(raw.log_time_ns, [pose]), raw.log_time_ns)
+    evaluate(tmp_path / "clean", out=tmp_path / "report", detector=DETECTOR, frames="0:8", workers=1)
+    for scene in scenes_of(tmp_path / "report"):
+        (line,) = scene["lines"]
+        steps = np.frombuffer(base64.b64decode(line["xyz"]), "<i2").reshape(-1, 3) * line["unit_m"]
+        assert line["kind"] == "lane"
+        np.testing.assert_allclose(steps[[0, -1]], [[-20, 3, -1.8], [40, 3, -1.8]], atol=0.01)
 
 
 def test_a_clean_bag_alone(clean, tmp_path):

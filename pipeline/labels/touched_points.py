@@ -1,0 +1,28 @@
+"""The touched points of a cloud as its debug topic shows them, from the cloud's labels."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.labels.cloud_change import CloudChange
+from advpipe.pipeline.labels.points import ADDED, MOVED, REMOVED
+from advpipe.pipeline.messages.cloud import xyz
+from advpipe.pipeline.messages.debug import touched_points
+
+
+def touched_by(change: CloudChange) -> npt.NDArray[np.void]:
+    """Points (K,) of `TOUCHED_POINT_DTYPE`: first those removed, then those moved and those added."""
+    clean, adversarial, labels = change.clean, change.adversarial, change.labels
+    removed, moved, added = (labels.action == action for action in (REMOVED, MOVED, ADDED))
+    parts = (
+        (clean[labels.point[removed]], removed),
+        (change.moved[1], moved),
+        (adversarial[len(adversarial) - change.count(ADDED) :], added),
+    )
+    return np.concatenate(
+        [
+            touched_points(xyz(part), labels.action[chosen], labels.displacement_m[chosen])
+            for part, chosen in parts
+        ]
+    )
