@@ -9,11 +9,13 @@ import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite
 from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.progress import with_progress
 
 FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """The forms of VeReMi by their names on the command line."""
 
 
+@with_progress("exporting {bag} as {format}")
 def export(
     bag: Annotated[Path, typer.Argument(help="Data set folder, bag directory or .mcap file.")],
     format: Annotated[
@@ -40,11 +42,8 @@ def export(
     written = export_veremi(source, target, form=FORMATS[format], overwrite=overwrite)
 
     def show() -> None:
-        print(
-            f"{target}: {written.sent} messages, {written.received} receptions of "
-            f"{written.receivers} vehicles"
-        )
+        print(f"{written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
         for attack, number in written.attacks.items():
             print(f"  attackerType {number}: {attack}")
 
-    return Answer({"folder": target, **written._asdict()}, show)
+    return Answer({"folder": target, **written._asdict()}, show, made={"folder": target})

@@ -19,14 +19,17 @@ from advpipe.pipeline.cli.shared import (
     cli_option,
     print_line,
     show_part,
+    typed,
 )
 from advpipe.pipeline.cli.simulate import simulated
 from advpipe.pipeline.core.attack_options import AttackOptions
+from advpipe.pipeline.core.progress import with_progress
 
 if TYPE_CHECKING:
     from advpipe.pipeline.campaigns.run import Part
 
 
+@with_progress("running {scenario}")
 def run(
     scenario: Annotated[
         str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
@@ -62,7 +65,7 @@ def run(
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
-    return Answer(document, lambda: None)
+    return Answer(document, lambda: None, next_commands=[typed("view", folder)])
 
 
 def _answer(part: Part) -> Answer:

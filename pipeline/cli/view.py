@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, print_line
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("viewing {bag}")
 def view_command(
     bag: Annotated[Path, typer.Argument(help="Data set (with all its attacks), rosbag2 folder or .mcap.")],
     lidar: LidarTopic = None,
