@@ -71,6 +71,8 @@ def attack(
     """
     if out is not None:
         refuse_existing(Path(out), overwrite)  # before torch is loaded
+    with as_usage_error():
+        clean = bag_or_newest(bag)
     with working_on("loading libraries"):
         from advpipe.pipeline.bag.reader import BagReader
         from advpipe.pipeline.scenario.attacks import attack_spec
@@ -80,7 +82,6 @@ def attack(
         from advpipe.stages.attack.run import attack as run
 
     with as_usage_error():
-        clean = bag_or_newest(bag)
         spec = attack_spec(
             {
                 "type": type,

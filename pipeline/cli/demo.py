@@ -38,10 +38,10 @@ def demo(
     is_open = browser and open_page(page)
     notice(f"a report made earlier{' is in your browser' if is_open else ''}: {page}")
     notice(f"now removing 1 % of the points of three clouds, into {out}: some 20 s on two cores")
-    plan_progress({"loading libraries": 2, "attacking": 6, "evaluating": 6})
     with working_on("loading libraries"):  # a second or two, in which the page is there already
         from advpipe.commands.attack import attack
         from advpipe.commands.evaluate import evaluate
+    plan_progress({"attacking": 1, "evaluating": 1})
     clean = copy_sample(out, overwrite=overwrite)
     with working_on("attacking"):
         attacked = attack(clean, type="detach", ratio=RATIO, rounds=ROUNDS, workers=1, overwrite=overwrite)

@@ -23,7 +23,7 @@ from advpipe.pipeline.cli.shared import (
 )
 from advpipe.pipeline.cli.simulate import simulated
 from advpipe.pipeline.core.attack_options import AttackOptions
-from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.core.progress import with_progress, working_on
 
 if TYPE_CHECKING:
     from advpipe.pipeline.campaigns.run import Part
@@ -51,10 +51,12 @@ def run(
     What is done already is kept. A drive, bag or report in its place that comes of anything else is
     refused, or replaced with --overwrite.
     """
-    from advpipe.pipeline.campaigns.run import Campaign
     from advpipe.pipeline.core.errors import as_usage_error
     from advpipe.pipeline.process.folder import refuse_undecodable, working_path
     from advpipe.pipeline.scenario import load_scenario
+
+    with working_on("loading libraries"):
+        from advpipe.pipeline.campaigns.run import Campaign
 
     with as_usage_error():
         loaded = load_scenario(scenario, settings or ())

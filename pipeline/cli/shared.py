@@ -83,15 +83,17 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
         from advpipe.pipeline.core.option_names import use_flags
         from advpipe.pipeline.core.streams import safe_streams
         from advpipe.pipeline.core.verbosity import Verbosity, phase, use_verbosity
-        from advpipe.pipeline.process.document import strict_json
         from advpipe.pipeline.process.folder import check_paths
 
         with use_flags(), safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
             check_paths([*args, *options.values()])
-            _print_versions()
+            if verbose:
+                _print_versions()
             with phase("in all"):
                 given = command(*args, **options)
             if as_json:
+                from advpipe.pipeline.process.document import strict_json
+
                 print(strict_json(given.document))
             elif not quiet:
                 given.show()
@@ -165,7 +167,7 @@ def print_line(text: object) -> Callable[[], None]:
 
 
 def _print_versions() -> None:
-    """With --verbose, prints the versions that a figure may depend on."""
+    """Prints the versions that a figure may depend on."""
     import platform
 
     from advpipe.pipeline.core.verbosity import detail

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, print_line
-from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.core.progress import end_progress, with_progress
 
 
 @with_progress("viewing {bag}")
@@ -28,6 +28,7 @@ def view_command(
 
     def ready(url: str) -> None:
         addresses.append(url)
+        end_progress()
         notice(f"{bag} is shown at {url} on this machine; ctrl-C ends it")
 
     view(bag, lidar_topic=lidar, port=port, open_browser=browser, ready=ready)

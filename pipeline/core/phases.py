@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-UNPLANNED = 0.1
+UNPLANNED = 0.05
 """What a phase that nobody planned takes, as a share of all that is still to come."""
 
 SLOW_S = 3.0
-"""A phase without items shows its seconds when it has taken this long."""
+"""A phase that has done no item shows its seconds when it has taken this long."""
 
 
 class Phase:
@@ -71,16 +71,16 @@ class Phase:
         """Say how much of a phase without items is done, from 0 to 1."""
         self.done = max(self.done, self.begin + (self.end - self.begin) * min(share, 1.0))
 
-    def text(self) -> str:
-        """Such as `detecting: 12 of 40`; without items the seconds, once they are many."""
+    def text(self, is_last: bool) -> str:
+        """Such as `detecting: 12 of 40`; while the last phase has not done an item, its seconds once they
+        are many."""
+        text = self.name
         if self.total:
-            text = f"{self.name}: {min(self.count, self.total):,} of {self.total:,}"
+            text += f": {min(self.count, self.total):,} of {self.total:,}"
         elif self.count:
-            text = f"{self.name}: {self.count:,}"
-        else:
-            spent_s = time.monotonic() - self.begin_s
-            return f"{self.name}, {spent_s:.0f} s" if spent_s >= SLOW_S else self.name
-        return text
+            text += f": {self.count:,}"
+        spent_s = time.monotonic() - self.begin_s
+        return f"{text}, {spent_s:.0f} s" if is_last and not self.count and spent_s >= SLOW_S else text
 
     def _room_end(self) -> float:
         """Where a part may end: with the item that is going on, where there are items."""

@@ -12,7 +12,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ParamSpec, TextIO, TypeVar
@@ -39,7 +39,7 @@ MOST_SHOWN = 0.99
 """How far a command that has not ended is at most."""
 
 LEFT_FROM = 0.02
-"""How far the work must be for its first estimate of the time that is left."""
+"""How much must be done for the first estimate of the time that is left."""
 
 NEWEST = "the newest data set"
 """What an option that names no bag stands for."""
@@ -71,18 +71,25 @@ def open_progress(title: str, at_once: bool = True) -> Iterator[None]:
     if _display is not None or is_quiet():
         yield
         return
-    _display = opened = _Display(one_line(title), at_once)
+    _display = _Display(one_line(title), at_once)
     try:
         yield
     finally:
-        _display = None
-        opened.close()
+        end_progress()
+
+
+def end_progress() -> None:
+    """Show nothing more of what goes on: the command waits for its user, as a server does, or has ended."""
+    global _display
+    if _display is not None:
+        _display.close()
+    _display = None
 
 
 def plan_progress(shares: Mapping[str, float]) -> None:
     """Expect these phases of the work that goes on, in this order; shares: of its time, in any unit."""
     if (display := _own_display()) is not None:
-        display.phases[-1].plan({one_line(name): share for name, share in shares.items()})
+        display.plan({one_line(name): share for name, share in shares.items()})
 
 
 @contextmanager
@@ -140,13 +147,22 @@ class _Display:
         self.phases = [Phase(title)]
         self.owner = threading.get_ident()
         self._terminal = _terminal()
-        self._begin_s = time.monotonic()
-        self._due_s = self._begin_s + (0.0 if at_once else FIRST_WORD_S)
+        self._begin_s, self._begin_done = time.monotonic(), 0.0
+        is_command = bool(title) or self._terminal is not None
+        later_s = FIRST_WORD_S if is_command else LINE_EVERY_S
+        self._due_s = self._begin_s + (0.0 if at_once else later_s)
         self._closed = threading.Event()
         if at_once:
             self.show()
         self._thread = threading.Thread(target=self._run, name="progress", daemon=True)
         self._thread.start()
+
+    def plan(self, shares: Mapping[str, float]) -> None:
+        """Expect these phases of the one that goes on. The command's own begin now: what came before, such as
+        the loading of libraries, says nothing of how long they take."""
+        self.phases[-1].plan(shares)
+        if len(self.phases) == 1:
+            self._begin_s, self._begin_done = time.monotonic(), self._done()
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -167,9 +183,8 @@ class _Display:
     def line(self) -> str:
         """Such as `evaluating drive: detecting: 12 of 40, about 20 s left`."""
         phases = tuple(self.phases)
-        texts = [text for text in (phase.text() for phase in phases) if text]
         left, status = self._left(), phases[-1].status
-        whole = ": ".join(texts) + (f", about {left} left" if left else "")
+        whole = ": ".join(_texts_of(phases)) + (f", about {left} left" if left else "")
         if len(phases) == 1 and not left:
             whole += " ..."
         return f"{whole}; {one_line(status())}" if status else whole
@@ -184,7 +199,7 @@ class _Display:
         left, status = self._left(), phases[-1].status
         done_text = f"{full * filled}{empty * (cells - filled)} {100 * done:3.0f} %"
         head = f"{done_text}  {f'{left} left' if left else '':<11}  "
-        texts = [text for text in (phase.text() for phase in phases) if text]
+        texts = _texts_of(phases)
         if status:
             texts[-1] += f"; {one_line(status())}"
         while len(texts) > 1 and len(head) + len(": ".join(texts)) >= columns:
@@ -198,12 +213,18 @@ class _Display:
     def _left(self) -> str:
         """An estimate of the time that is left, such as `20 s`; empty where too little is done for one."""
         done, spent_s = self._done(), time.monotonic() - self._begin_s
-        return duration_text(spent_s / done * (1 - done)) if done >= LEFT_FROM else ""
+        gained = done - self._begin_done
+        return duration_text(spent_s / gained * (1 - done)) if gained >= LEFT_FROM else ""
 
     def _run(self) -> None:
         while not self._closed.wait(max(self._due_s - time.monotonic(), 0.01)):
             if time.monotonic() >= self._due_s:
                 self.show()
+
+
+def _texts_of(phases: Sequence[Phase]) -> list[str]:
+    """From the command to what is going on; work outside of a command has no title."""
+    return [phase.text(phase is phases[-1]) for phase in phases if phase.name]
 
 
 def duration_text(duration_s: float) -> str:
