@@ -41,9 +41,7 @@ demo: $(INSTALLED)
 	$(BIN)/advpipe simulate district --set simulation.duration_s=4 --out datasets/demo --overwrite
 	$(BIN)/advpipe attack datasets/demo --type detach --ratio 1% --frames $(DEMO_FRAMES) --overwrite
 	$(BIN)/advpipe evaluate datasets/demo --baseline-tries 2 --overwrite
-	@echo "open:  $(CURDIR)/datasets/demo/reports/small/report.html"
-	@echo "next:  $(BIN)/advpipe attacks                                      (what else there is)"
-	@echo "       $(BIN)/advpipe attack datasets/demo --type attach --frames $(DEMO_FRAMES)"
+	@echo "        $(BIN)/advpipe attacks"
 
 # The data set that comes with advpipe: the same bytes of the same versions on the same machine, but for the
 # report's times.

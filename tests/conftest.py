@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))  # of helpers that tests of several folders share
+
 # Tests run in parallel processes, so more threads would only slow them down.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 

@@ -10,6 +10,7 @@ from advpipe.commands.attackers import attackers_section
 from advpipe.commands.paths import PathLike, bag_or_newest, default_output, refuse_existing
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
+from advpipe.pipeline.core.progress import with_progress, working_on
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackSummary
 
 
+@with_progress("attacking {bag} with {type}")
 def attack(
     bag: PathLike | None = None,
     *,
@@ -69,15 +71,17 @@ def attack(
     """
     if out is not None:
         refuse_existing(Path(out), overwrite)  # before torch is loaded
-    from advpipe.pipeline.bag.reader import BagReader
-    from advpipe.pipeline.scenario.attacks import attack_spec
-    from advpipe.stages.attack.output_name import output_name
-    from advpipe.stages.attack.registry import default_budget
-    from advpipe.stages.attack.run import AttackRequest
-    from advpipe.stages.attack.run import attack as run
-
     with as_usage_error():
         clean = bag_or_newest(bag)
+    with working_on("loading libraries"):
+        from advpipe.pipeline.bag.reader import BagReader
+        from advpipe.pipeline.scenario.attacks import attack_spec
+        from advpipe.stages.attack.output_name import output_name
+        from advpipe.stages.attack.registry import default_budget
+        from advpipe.stages.attack.run import AttackRequest
+        from advpipe.stages.attack.run import attack as run
+
+    with as_usage_error():
         spec = attack_spec(
             {
                 "type": type,

@@ -10,6 +10,7 @@ from advpipe.commands.paths import PathLike, bag_or_newest, default_output, refu
 from advpipe.pipeline.bag.locate import CLEAN_NAME, adversarial_bags, resolve_bag
 from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.core.progress import with_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.registry import detector_slug
 from advpipe.pipeline.process.folder import refuse_undecodable
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from advpipe.stages.evaluate.run import Report
 
 
+@with_progress("evaluating {clean}")
 def evaluate(
     clean: PathLike | None = None,
     *adversarial: PathLike,
@@ -70,7 +72,8 @@ def evaluate(
     refuse_existing(target, overwrite)
     refuse_undecodable(scored, *others, target)
     detail(f"{', '.join(detectors)} on {device}, seed {seed}: {scored} and {len(others)} adversarial bags")
-    from advpipe.stages.evaluate.run import evaluate as run
+    with working_on("loading libraries"):
+        from advpipe.stages.evaluate.run import evaluate as run
 
     options = Options(
         detectors=detectors,

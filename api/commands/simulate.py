@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from advpipe.commands.paths import DATA_SETS, PathLike, refuse_existing
 from advpipe.pipeline.core.errors import UsageError, as_usage_error
+from advpipe.pipeline.core.progress import with_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import working_path
 from advpipe.pipeline.scenario import Scenario, load_scenario
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
 
 
+@with_progress("simulating {scenario}")
 def simulate(
     scenario: PathLike | Scenario = "district",
     *,
@@ -48,9 +50,10 @@ def simulate(
     detail(f"scenario {loaded.name} of {named}, seed {loaded.simulation.seed}")
     folder = working_path(DATA_SETS) / loaded.name if out is None else Path(out)
     refuse_existing(folder, overwrite)
-    from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
-    from advpipe.pipeline.bag.reader import BagReader
-    from advpipe.stages.simulate.run import simulate as run
+    with working_on("loading libraries"):
+        from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
+        from advpipe.pipeline.bag.reader import BagReader
+        from advpipe.stages.simulate.run import simulate as run
 
     recorded = run(loaded, folder, overwrite=overwrite)
     notice_default_lidar(BagReader(recorded.bag))

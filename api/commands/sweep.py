@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from advpipe.commands.paths import PathLike, bag_or_newest, default_output
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
-from advpipe.pipeline.campaigns.sweep.run import Sweep, SweepReport
 from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.core.progress import with_progress, working_on
 from advpipe.pipeline.detector.registry import detector_slug
 from advpipe.pipeline.process.folder import refuse_undecodable
 
+if TYPE_CHECKING:
+    from advpipe.pipeline.campaigns.sweep.run import Sweep, SweepReport
 
+
+@with_progress("sweeping {bag}")
 def sweep(
     bag: PathLike | None = None,
     *,
@@ -75,6 +79,8 @@ def prepared(
     has them."""
     with as_usage_error():
         clean = bag_or_newest(bag)
+    with working_on("loading libraries"):
+        from advpipe.pipeline.campaigns.sweep.run import Sweep
     asked = SweepOptions(recipes=_names(recipes) or SweepOptions.recipes, cells=_names(cells), **options)
     name = f"sweep-{detector_slug(asked.detector)}"
     target = default_output(clean, name, "reports") if out is None else Path(out)

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from advpipe.commands.paths import PathLike
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
 from advpipe.pipeline.core.option_names import option_name
+from advpipe.pipeline.core.progress import with_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.process.folder import refuse_undecodable
-from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
-from advpipe.stages.train.run import TrainSummary
-from advpipe.stages.train.run import train as run
+
+if TYPE_CHECKING:
+    from advpipe.stages.train.run import TrainSummary
 
 
+@with_progress("training a detector on {bags}")
 def train(
     *bags: PathLike,
     out: PathLike,
@@ -49,6 +52,9 @@ def train(
     if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
         raise UsageError(f"{option_name('validate')} {validate} is also a training bag; name a held-out one")
     refuse_undecodable(*learned, held_out, Path(out))
+    with working_on("loading libraries"):
+        from advpipe.stages.train.config import TrainConfig
+        from advpipe.stages.train.run import train as run
     with as_usage_error():
         config = TrainConfig(
             bags=learned,

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from advpipe.commands.paths import PathLike
-from advpipe.stages.verify.result import Verification
-from advpipe.stages.verify.run import verify as run
+from advpipe.pipeline.core.progress import with_progress, working_on
+
+if TYPE_CHECKING:
+    from advpipe.stages.verify.result import Verification
 
 
+@with_progress("verifying {path}")
 def verify(path: PathLike, *, quick: bool = False, key: PathLike | None = None) -> Verification:
     """Check everything that a data set, a bag, an .mcap file or an archive of `share` claims.
 
@@ -19,4 +23,7 @@ def verify(path: PathLike, *, quick: bool = False, key: PathLike | None = None) 
     >>> advpipe.verify("datasets/smoke").is_good
     True
     """
+    with working_on("loading libraries"):
+        from advpipe.stages.verify.run import verify as run
+
     return run(Path(path), quick=quick, key=None if key is None else Path(key))

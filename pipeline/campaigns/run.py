@@ -14,6 +14,7 @@ from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.document import ShortText, read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
+from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.dataset.reports import SweepReportDocument, read_report
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
@@ -23,6 +24,9 @@ from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack
 from advpipe.stages.evaluate.provenance import REPORTING
 from advpipe.stages.evaluate.run import Options, Report, evaluate
 from advpipe.stages.simulate.run import SimulationSummary, simulate
+
+SIMULATING, EVALUATING = "simulating", "evaluating"
+"""The phases of a campaign, beside those named after the bags of its attacks."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,7 @@ class Campaign:
     def run(self) -> Iterator[Part]:
         """Yield the drive, each attack and the report, each as soon as it is finished."""
         clean = self.folder / "clean"
+        plan_progress({SIMULATING: 3, **dict.fromkeys(self.requests, 4), EVALUATING: 3 + len(self.requests)})
         yield self._drive(clean)
         for name, request in self.requests.items():
             yield self._attack(clean, self.folder / name, request)
@@ -97,12 +102,13 @@ class Campaign:
         if has_drive(self.folder, self.scenario, self.overwrite):
             return Kept("bag", clean)
         detail(f"scenario {self.scenario.name}, seed {self.scenario.simulation.seed}")
-        return simulate(self.scenario, self.folder, overwrite=self.overwrite)
+        with working_on(SIMULATING):
+            return simulate(self.scenario, self.folder, overwrite=self.overwrite)
 
     def _attack(self, clean: Path, bag: Path, request: AttackRequest) -> Part:
         if is_made_by(request, clean, bag, self.overwrite):
             return Kept("bag", bag)
-        with writing(bag):
+        with working_on(bag.name), writing(bag):
             return attack(clean, bag, request, overwrite=self.overwrite, workers=self.workers)
 
     def _report(self, bags: Sequence[Path]) -> Part:
@@ -113,7 +119,10 @@ class Campaign:
         clean, *adversarial = bags
         adversarial = adversarial or adversarial_bags(self.folder)
         detail(f"{self.detector} on {self.device}: {clean} and {len(adversarial)} adversarial bags")
-        made = evaluate(clean, adversarial, report, options, overwrite=self.overwrite, workers=self.workers)
+        with working_on(EVALUATING):
+            made = evaluate(
+                clean, adversarial, report, options, overwrite=self.overwrite, workers=self.workers
+            )
         return Evaluated(made, report)
 
 

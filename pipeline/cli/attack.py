@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,13 +17,16 @@ from advpipe.pipeline.cli.shared import (
     Workers,
     cli_option,
     print_line,
+    typed,
 )
 from advpipe.pipeline.core.attack_options import AttackOptions
+from advpipe.pipeline.core.progress import with_progress
 
 if TYPE_CHECKING:
     from advpipe.stages.attack.run import AttackSummary
 
 
+@with_progress("attacking {bag} with {type}")
 def attack_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Data set, rosbag2 folder or .mcap.", show_default="newest data set")
@@ -91,15 +95,30 @@ def attack_command(
         overwrite=overwrite,
         parameters=given_parameters(given, settings or []),
     )
-    return attacked(summary)
+    return attacked(summary, [_evaluation(bag, summary.bag, detector)])
 
 
-def attacked(summary: AttackSummary) -> Answer:
+def attacked(summary: AttackSummary, next_commands: Sequence[str] = ()) -> Answer:
     """The bag, and what was done to it: of the losses their means."""
     before, after = summary.mean_losses
     document = {key: value for key, value in vars(summary).items() if key != "losses"}
     document |= {"mean_loss_before": before, "mean_loss_after": after, "warnings": summary.warnings}
-    return Answer(document, print_line(summary))
+    shown = print_line(str(summary).removeprefix(f"{summary.bag}: "))
+    return Answer(document, shown, made={"bag": summary.bag}, next_commands=next_commands)
+
+
+def _evaluation(clean: Path | None, adversarial: Path, detector: str) -> str:
+    """The command that evaluates the bag: of a data set all of its attacks, again where there is a report."""
+    from advpipe.commands.paths import bag_or_newest, default_output
+    from advpipe.pipeline.bag.locate import CLEAN_NAME
+    from advpipe.pipeline.detector.registry import detector_slug
+
+    bag = bag_or_newest(clean)
+    folder, report = bag.parent, default_output(bag, detector_slug(detector), "reports")
+    is_in_set = bag.name == CLEAN_NAME and adversarial.parent.resolve() == folder.resolve()
+    chosen = ["--detector", detector] if detector != AttackOptions.detector else []
+    again = ["--overwrite"] if report.exists() else []
+    return typed("evaluate", *([folder] if is_in_set else [bag, adversarial]), *chosen, *again)
 
 
 def given_parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:

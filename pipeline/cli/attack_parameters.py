@@ -15,11 +15,14 @@ from typer.core import TyperCommand
 from advpipe.pipeline.cli.attack import attack_command, read_value
 from advpipe.pipeline.cli.shared import Answer, answering, flag_of
 from advpipe.pipeline.core.attack_options import AttackOptions
+from advpipe.pipeline.core.progress import open_progress
+from advpipe.pipeline.core.verbosity import Verbosity, use_verbosity
 
 if TYPE_CHECKING:
     from advpipe.stages.attack.parameter_docs import Parameter
 
 _HELP = ("--help", "-h")
+_QUIET = ("--quiet", "-q")
 
 
 class AttackCommand(TyperCommand):
@@ -33,7 +36,9 @@ class AttackCommand(TyperCommand):
         if not wants_help and all(flag in {*own, *_HELP} or flag[:2] != "--" for flag in flags):
             return super().make_context(info_name, args, *others, **extra)
         attack = attack or AttackOptions.type
-        command, parameters = _command_of(attack, own)
+        is_quiet = not flags.isdisjoint(_QUIET)
+        with use_verbosity(Verbosity(quiet=is_quiet or wants_help)), open_progress(f"reading about {attack}"):
+            command, parameters = _command_of(attack, own)
         try:
             return command.make_context(info_name, args, *others, **extra)
         except Exception as error:

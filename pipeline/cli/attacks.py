@@ -12,6 +12,7 @@ import typer
 
 from advpipe.pipeline.cli.completion import attack_names
 from advpipe.pipeline.cli.shared import Answer, flag_of
+from advpipe.pipeline.core.progress import with_progress
 
 if TYPE_CHECKING:
     from advpipe.stages.attack.catalogue import CatalogueEntry
@@ -24,6 +25,7 @@ _WIDEST = 100
 """Lines of text beyond this many columns are hard to read, however wide the terminal is."""
 
 
+@with_progress("listing the attacks")
 def attacks_command(
     attack: Annotated[
         str | None,

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line
+from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line, typed
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("reading {bag}", at_once=False)
 def inspect(
     bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
 ) -> Answer:
@@ -21,9 +23,10 @@ def inspect(
     with as_usage_error():
         resolve_bag(bag)
     description = describe(bag)
-    return Answer(vars(description), description.print)
+    return Answer(vars(description), description.print, next_commands=[typed("view", bag)])
 
 
+@with_progress("drawing {bag}")
 def plot(
     bag: Annotated[Path, typer.Argument(help="Data set, rosbag2 folder or .mcap.")],
     cloud: Annotated[
@@ -76,9 +79,12 @@ def plot(
         from advpipe.pipeline.bag.cloud_picture import draw_cloud
 
         draw_cloud(bag, cloud, picture, attacked=attacked, lidar_topic=lidar, overwrite=overwrite)
-    return Answer({"picture": picture}, print_line(picture))
+    return Answer(
+        {"picture": picture}, lambda: None, made={"picture": picture}, next_commands=[typed("view", bag)]
+    )
 
 
+@with_progress("recovering {path}")
 def recover_command(
     path: Annotated[
         Path, typer.Argument(help="What a killed run was to make, or a damaged data set, bag or .mcap.")
@@ -97,4 +103,9 @@ def recover_command(
     recovery = run(path, out, overwrite=overwrite)
     counts = {key: value for key, value in vars(recovery).items() if isinstance(value, int)}
     found = {"bag": recovery.source.bag, "found": recovery.source.found}
-    return Answer({"recovered": recovery.out, **found, **counts}, print_line(recovery))
+    return Answer(
+        {"recovered": recovery.out, **found, **counts},
+        print_line(str(recovery).removeprefix(f"{recovery.out}: ")),
+        made={"recovered": recovery.out} if recovery.out else {},
+        next_commands=[typed("inspect", recovery.out)] if recovery.out else (),
+    )

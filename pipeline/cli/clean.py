@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, print_line
+from advpipe.pipeline.cli.shared import Answer, print_line, typed
+from advpipe.pipeline.core.progress import with_progress
 
 if TYPE_CHECKING:
     from advpipe.pipeline.dataset.leftovers import Leftover
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 DATASETS = Path("datasets")
 
 
+@with_progress("looking for what killed runs left", at_once=False)
 def clean(
     path: Annotated[
         Path | None,
@@ -60,7 +62,13 @@ def clean(
         records.append({**record, "removed": is_removed})
         what = "removed " if is_removed else ""
         print_result(f"{what}{one_line(leftover.path)}  {_size(leftover.size_bytes)}  {one_line(about)}")
-    return Answer({"leftovers": records}, print_line(tally.text(remove)), exit_code=int(is_refused))
+    removal = [typed("clean", *([path] if path else []), "--remove")]
+    return Answer(
+        {"leftovers": records},
+        print_line(tally.text(remove)),
+        exit_code=int(is_refused),
+        next_commands=removal if tally.useless and not remove else (),
+    )
 
 
 @dataclass

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite, typed
+from advpipe.pipeline.core.progress import plan_progress, with_progress, working_on
 
 RATIO = 0.01
 ROUNDS = 3
 """Fewer than the ten of `detach`: the attack takes half the time, and does nearly as much."""
 
 
+@with_progress("demo")
 def demo(
     out: Annotated[Path, typer.Option("--out", "-o", help="Data set folder.")] = Path("advpipe-demo"),
     browser: Annotated[bool, typer.Option(help="Open the shipped report in the browser.")] = True,
@@ -37,23 +38,24 @@ def demo(
     is_open = browser and open_page(page)
     notice(f"a report made earlier{' is in your browser' if is_open else ''}: {page}")
     notice(f"now removing 1 % of the points of three clouds, into {out}: some 20 s on two cores")
-    # Their libraries take a second, in which the page is there already.
-    from advpipe.commands.attack import attack
-    from advpipe.commands.evaluate import evaluate
-
+    with working_on("loading libraries"):  # a second or two, in which the page is there already
+        from advpipe.commands.attack import attack
+        from advpipe.commands.evaluate import evaluate
+    plan_progress({"attacking": 1, "evaluating": 1})
     clean = copy_sample(out, overwrite=overwrite)
-    attacked = attack(clean, type="detach", ratio=RATIO, rounds=ROUNDS, workers=1, overwrite=overwrite)
-    report = evaluate(clean, attacked, baseline_tries=1, workers=1, overwrite=overwrite)
+    with working_on("attacking"):
+        attacked = attack(clean, type="detach", ratio=RATIO, rounds=ROUNDS, workers=1, overwrite=overwrite)
+    with working_on("evaluating"):
+        report = evaluate(clean, attacked, baseline_tries=1, workers=1, overwrite=overwrite)
     assert report.folder is not None  # it has been written
     made, document = report.folder / "report.html", json.loads(report.to_json())
 
-    def show() -> None:
-        _show_table(document["rows"][0])
-        print(f"\nreport: {made}")
-        print(f"next:   advpipe attack {shlex.quote(str(out))} --type attach")
-        print(f"        advpipe evaluate {shlex.quote(str(out))} --overwrite")
-
-    return Answer({"data_set": out, "shipped_report": page, "report": made, **document}, show)
+    return Answer(
+        {"data_set": out, "shipped_report": page, "report": made, **document},
+        lambda: _show_table(document["rows"][0]),
+        made={"report": made},
+        next_commands=[typed("attack", out, "--type", "attach"), typed("evaluate", out, "--overwrite")],
+    )
 
 
 def _show_table(row: Mapping[str, Any]) -> None:
@@ -67,3 +69,4 @@ def _show_table(row: Mapping[str, Any]) -> None:
     print(f"{about:<42}{'mAP':>6}{'of clean':>12}")
     for title, precision, percent in lines:
         print(f"{title:<42}{precision:>6.3f}{percent:>10.0f} %")
+    print()

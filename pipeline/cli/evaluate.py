@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,13 +18,16 @@ from advpipe.pipeline.cli.shared import (
     Overwrite,
     Workers,
     cli_option,
+    typed,
 )
+from advpipe.pipeline.core.progress import with_progress
 from advpipe.stages.evaluate.options import Options
 
 if TYPE_CHECKING:
     from advpipe.stages.evaluate.run import Report
 
 
+@with_progress("evaluating {bags}")
 def evaluate_command(
     bags: Annotated[
         list[Path] | None,
@@ -75,18 +79,31 @@ def evaluate_command(
         out=out,
         overwrite=overwrite,
     )
-    return evaluated(report)
+    return evaluated(report, next_commands=_what_next(report, bags))
 
 
-def evaluated(report: Report) -> Answer:
+def _what_next(report: Report, bags: Sequence[Path] | None) -> list[str]:
+    """A look at the data set in 3D, and the report's figures for a paper."""
+    from advpipe.commands.paths import bag_or_newest
+    from advpipe.pipeline.bag.locate import CLEAN_NAME
+
+    clean = bag_or_newest(bags[0] if bags else None)
+    return [
+        typed("view", clean.parent if clean.name == CLEAN_NAME else clean),
+        *([typed("figures", report.folder)] if report.folder else []),
+    ]
+
+
+def evaluated(report: Report, next_commands: Sequence[str] = ()) -> Answer:
     """The tables of a report, and where its page is."""
     from advpipe.stages.evaluate.run import print_report
 
     assert report.folder is not None  # it has been written
     page = report.folder / "report.html"
 
-    def show() -> None:
-        print_report(report)
-        print(f"report: {page}")
-
-    return Answer({"report": page, **json.loads(report.to_json())}, show)
+    return Answer(
+        {"report": page, **json.loads(report.to_json())},
+        lambda: print_report(report),
+        made={"report": page},
+        next_commands=next_commands,
+    )

@@ -9,6 +9,7 @@ import typer
 
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line
 from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.progress import with_progress
 
 V2X_FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """The forms of VeReMi by their names on the command line."""
@@ -17,6 +18,7 @@ FORMATS = ("kitti", "openpcdet", "nuscenes", "opv2v", "pcd", *V2X_FORMATS)
 """All forms; the first ones are the keys of `stages.export.registry`."""
 
 
+@with_progress("exporting {bag} as {format}")
 def export(
     bag: Annotated[Path, typer.Argument(help="Data set folder, bag directory or .mcap file.")],
     format: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "veremi",
@@ -61,11 +63,8 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
     written = export_veremi(source, target, form=V2X_FORMATS[format], overwrite=overwrite)
 
     def show() -> None:
-        print(
-            f"{target}: {written.sent} messages, {written.received} receptions of "
-            f"{written.receivers} vehicles"
-        )
+        print(f"{written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
         for attack, number in written.attacks.items():
             print(f"  attackerType {number}: {attack}")
 
-    return Answer({"folder": target, **written._asdict()}, show)
+    return Answer({"folder": target, **written._asdict()}, show, made={"folder": target})

@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("copying the figures of {report}")
 def figures_command(
     report: Annotated[Path, typer.Argument(help="Folder of a report, or its report.html.")],
     format: Annotated[str, typer.Option("--format", help="pdf, svg or png.")] = "pdf",

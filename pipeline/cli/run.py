@@ -19,14 +19,17 @@ from advpipe.pipeline.cli.shared import (
     cli_option,
     print_line,
     show_part,
+    typed,
 )
 from advpipe.pipeline.cli.simulate import simulated
 from advpipe.pipeline.core.attack_options import AttackOptions
+from advpipe.pipeline.core.progress import with_progress, working_on
 
 if TYPE_CHECKING:
     from advpipe.pipeline.campaigns.run import Part
 
 
+@with_progress("running {scenario}")
 def run(
     scenario: Annotated[
         str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
@@ -48,10 +51,12 @@ def run(
     What is done already is kept. A drive, bag or report in its place that comes of anything else is
     refused, or replaced with --overwrite.
     """
-    from advpipe.pipeline.campaigns.run import Campaign
     from advpipe.pipeline.core.errors import as_usage_error
     from advpipe.pipeline.process.folder import refuse_undecodable, working_path
     from advpipe.pipeline.scenario import load_scenario
+
+    with working_on("loading libraries"):
+        from advpipe.pipeline.campaigns.run import Campaign
 
     with as_usage_error():
         loaded = load_scenario(scenario, settings or ())
@@ -62,7 +67,7 @@ def run(
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
-    return Answer(document, lambda: None)
+    return Answer(document, lambda: None, next_commands=[typed("view", folder)])
 
 
 def _answer(part: Part) -> Answer:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
+from advpipe.pipeline.core.progress import with_progress
 
 
 class SchemaKind(str, Enum):
@@ -19,6 +20,7 @@ class SchemaKind(str, Enum):
     report = "report"
 
 
+@with_progress("making the schema", at_once=False)
 def schema_command(
     of: Annotated[
         SchemaKind, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite, typed
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("sharing {dataset}")
 def share_command(
     dataset: Annotated[Path, typer.Argument(help="Data set folder.")],
     out: Annotated[
@@ -54,4 +56,4 @@ def share_command(
             print(path)
         print(f"{summary.files} files, {summary.bytes / 1e6:.1f} MB")
 
-    return Answer(vars(summary), show)
+    return Answer(vars(summary), show, next_commands=[typed("verify", summary.made[0])])

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import os
+import shlex
+import shutil
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -57,12 +61,15 @@ class Answer:
     """What a command found or made.
 
     document: for programs, with the paths of outputs and all figures; see `strict_json`. show: prints it for
-    people. exit_code: 1 where a check found faults.
+    people. exit_code: 1 where a check found faults. made: what it made and where it is, such as
+    `{"report": page}`. next_commands: what people may type next, see `typed`.
     """
 
     document: Mapping[str, Any]
     show: Callable[[], None]
     exit_code: int = 0
+    made: Mapping[str, Path] = field(default_factory=dict)
+    next_commands: Sequence[str] = ()
 
 
 def answering(command: Callable[..., Answer]) -> Callable[..., None]:
@@ -76,18 +83,21 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
         from advpipe.pipeline.core.option_names import use_flags
         from advpipe.pipeline.core.streams import safe_streams
         from advpipe.pipeline.core.verbosity import Verbosity, phase, use_verbosity
-        from advpipe.pipeline.process.document import strict_json
         from advpipe.pipeline.process.folder import check_paths
 
         with use_flags(), safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
             check_paths([*args, *options.values()])
-            _print_versions()
+            if verbose:
+                _print_versions()
             with phase("in all"):
                 given = command(*args, **options)
             if as_json:
+                from advpipe.pipeline.process.document import strict_json
+
                 print(strict_json(given.document))
             elif not quiet:
                 given.show()
+                print_ending(given.made, given.next_commands)
             sys.stdout.flush()
         if given.exit_code:
             raise typer.Exit(given.exit_code)
@@ -108,12 +118,47 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
 
 def show_part(answer: Answer) -> dict[str, Any]:
     """Shows an answer that is a part of another one, as soon as it is known; returns its document."""
+    from advpipe.pipeline.core.status_line import above_status
     from advpipe.pipeline.core.verbosity import is_for_people
 
     if is_for_people():
-        answer.show()
-        sys.stdout.flush()
+        with above_status():
+            answer.show()
+            print_ending(answer.made)
+            sys.stdout.flush()
     return dict(answer.document)
+
+
+def print_ending(made: Mapping[str, Path], next_commands: Sequence[str] = ()) -> None:
+    """Prints where the result is, and what to type next."""
+    lines = [*made.items(), *(("" if number else "next", line) for number, line in enumerate(next_commands))]
+    labels = [f"{label}:" if label else "" for label, _ in lines]
+    width = max(map(len, labels), default=0)
+    for label, (_, text) in zip(labels, lines, strict=True):
+        print(f"{label:<{width}} {text}")
+
+
+def typed(*words: object) -> str:
+    """A command of advpipe that can be pasted into a shell, such as `typed("evaluate", folder)`."""
+    return " ".join([_program(), *(shlex.quote(_argument(word)) for word in words)])
+
+
+def _argument(word: object) -> str:
+    """A path that begins with a dash would be read as an option."""
+    text = str(word)
+    return f"./{text}" if isinstance(word, Path) and text.startswith("-") else text
+
+
+def _program() -> str:
+    """`advpipe` where the shell finds the one that runs; otherwise as it was typed, as in a virtual
+    environment that is not active."""
+    this = Path(sys.argv[0])
+    if this.stem != "advpipe":
+        return "advpipe"
+    found = shutil.which("advpipe")
+    if found is None or not this.exists() or not os.path.samefile(found, this):
+        return shlex.quote(str(this))
+    return "advpipe"
 
 
 def print_line(text: object) -> Callable[[], None]:
@@ -122,7 +167,7 @@ def print_line(text: object) -> Callable[[], None]:
 
 
 def _print_versions() -> None:
-    """With --verbose, prints the versions that a figure may depend on."""
+    """Prints the versions that a figure may depend on."""
     import platform
 
     from advpipe.pipeline.core.verbosity import detail

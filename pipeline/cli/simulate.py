@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from advpipe.pipeline.cli.completion import scenario_names
-from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
+from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line, typed
+from advpipe.pipeline.core.progress import with_progress
 
 if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
 
 
+@with_progress("simulating {scenario}")
 def simulate_command(
     scenario: Annotated[
         str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
@@ -34,4 +36,11 @@ def simulate_command(
 
 def simulated(summary: SimulationSummary) -> Answer:
     """The bag of a drive, and what is in it."""
-    return Answer({"data_set": summary.data_set, **vars(summary)}, print_line(summary))
+    folder = summary.data_set
+    attacks = [typed("attack", folder, "--type", "detach")] if summary.clouds else [typed("attacks")]
+    return Answer(
+        {"data_set": folder, **vars(summary)},
+        print_line(str(summary).removeprefix(f"{summary.bag}: ")),
+        made={"bag": summary.bag},
+        next_commands=[*attacks, typed("view", folder)],
+    )

@@ -19,8 +19,10 @@ from advpipe.pipeline.cli.shared import (
     Workers,
     cli_option,
 )
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("sweeping {bag}")
 def sweep_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
@@ -80,8 +82,4 @@ def sweep_command(
     page, figures = report.folder / "report.html", report.folder / "report.json"
     document = json.loads(figures.read_text(encoding="utf-8"))
 
-    def show() -> None:
-        report.show()
-        print(f"report: {page}")
-
-    return Answer({"report": page, **document}, show)
+    return Answer({"report": page, **document}, report.show, made={"report": page})

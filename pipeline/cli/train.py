@@ -8,10 +8,12 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, cli_option, print_line
+from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, cli_option, print_line, typed
+from advpipe.pipeline.core.progress import with_progress
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
 
 
+@with_progress("training a detector on {bags}")
 def train_command(
     bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
@@ -46,9 +48,15 @@ def train_command(
         seed=seed,
         overwrite=overwrite,
     )
-    return Answer(vars(summary), print_line(summary))
+    return Answer(
+        vars(summary),
+        print_line(str(summary).removeprefix(f"{summary.checkpoint}: ")),
+        made={"checkpoint": summary.checkpoint},
+        next_commands=[typed("evaluate", validate or bags[0], "--detector", summary.checkpoint)],
+    )
 
 
+@with_progress("importing {file}")
 def import_weights(
     file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
@@ -69,5 +77,7 @@ def import_weights(
     parameters = sum(weight.numel() for weight in net.parameters())
     return Answer(
         {"checkpoint": out, "preset": net.preset.name, "parameters": parameters},
-        print_line(f"{out}: preset {net.preset.name}, {parameters:,} parameters; use it as --detector {out}"),
+        print_line(f"preset {net.preset.name}, {parameters:,} parameters"),
+        made={"checkpoint": out},
+        next_commands=[typed("evaluate", "--detector", out)],
     )

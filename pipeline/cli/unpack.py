@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, print_line
+from advpipe.pipeline.cli.shared import Answer, typed
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("unpacking {archive}")
 def unpack_command(
     archive: Annotated[Path, typer.Argument(help="NAME.tar, or any part of it such as NAME.tar.000.")],
     out: Annotated[
@@ -24,4 +26,9 @@ def unpack_command(
     from advpipe.pipeline.dataset.archive import unpack_archive as run
 
     folder = run(archive, out)
-    return Answer({"folder": folder}, print_line(folder))
+    return Answer(
+        {"folder": folder},
+        lambda: None,
+        made={"data set": folder},
+        next_commands=[typed("verify", folder)],
+    )

@@ -8,9 +8,11 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer
+from advpipe.pipeline.cli.shared import Answer, typed
+from advpipe.pipeline.core.progress import with_progress
 
 
+@with_progress("verifying {path}")
 def verify_command(
     path: Annotated[
         Path, typer.Argument(help="Data set, rosbag2 folder, .mcap, or an archive that `share` made.")
@@ -32,4 +34,10 @@ def verify_command(
             print(f"not checked: {gap}")
         print(result)
 
-    return Answer(json.loads(result.to_json()), show, exit_code=0 if result.is_good else 1)
+    next_commands = [typed("view" if path.is_dir() or path.suffix == ".mcap" else "unpack", path)]
+    return Answer(
+        json.loads(result.to_json()),
+        show,
+        exit_code=0 if result.is_good else 1,
+        next_commands=next_commands if result.is_good else (),
+    )

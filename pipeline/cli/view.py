@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, print_line
+from advpipe.pipeline.core.progress import end_progress, with_progress
 
 
+@with_progress("viewing {bag}")
 def view_command(
     bag: Annotated[Path, typer.Argument(help="Data set (with all its attacks), rosbag2 folder or .mcap.")],
     lidar: LidarTopic = None,
@@ -30,6 +32,7 @@ def view_command(
 
     def ready(url: str) -> None:
         addresses.append(url)
+        end_progress()
         notice(f"{bag} is shown at {url} on this machine; ctrl-C ends it")
 
     view(bag, lidar_topic=lidar, report=report, port=port, open_browser=browser, ready=ready)

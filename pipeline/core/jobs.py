@@ -19,7 +19,7 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError, os_error_line
 from advpipe.pipeline.core.missing_library import missing_library_line
 from advpipe.pipeline.core.option_names import is_command_line, option_name, use_flags
 from advpipe.pipeline.core.progress import track
-from advpipe.pipeline.core.verbosity import detail, silence_warnings
+from advpipe.pipeline.core.verbosity import Verbosity, detail, silence_warnings, use_verbosity
 
 Work = Callable[[int], None]
 T = TypeVar("T")
@@ -161,7 +161,7 @@ def _serve(pipe: Connection, pickled: bytes, jobs: list[int], names_flags: bool)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     silence_warnings()
     try:
-        with use_flags(names_flags):
+        with use_flags(names_flags), use_verbosity(Verbosity(quiet=True)):
             work: Callable[[int], Any] = pickle.loads(pickled)()
             for job in jobs:
                 pipe.send((job, work(job)))

@@ -1,80 +1,269 @@
-"""Progress of long work on standard error: a bar on a terminal, a line every few seconds elsewhere."""
+"""Progress of a command on standard error: a bar on a terminal, a line every ten seconds elsewhere.
+
+A command shows one bar over all of its phases. It, or the first function of the API that is called, opens the
+display; what it calls plans the phases and goes through them: `plan_progress`, `working_on`, `track`. Nothing
+heavy is imported here: the first word stands there before libraries are loaded.
+"""
 
 from __future__ import annotations
 
+import inspect
+import os
 import sys
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sized
-from typing import TextIO, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, ParamSpec, TextIO, TypeVar
 
+from advpipe.pipeline.core import status_line
+from advpipe.pipeline.core.phases import Phase
+from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.core.streams import unwrapped
 from advpipe.pipeline.core.text import one_line
 from advpipe.pipeline.core.verbosity import detail, is_quiet, notice
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 LINE_EVERY_S = 10.0
-"""Interval of the lines in a pipe or a log file; work that takes less time prints none."""
+"""Interval of the lines in a pipe or a log file."""
+
+FIRST_WORD_S = 0.8
+"""When work that is usually done at once says what it is, if it is not done."""
+
+DRAW_EVERY_S = 0.2
+
+MOST_SHOWN = 0.99
+"""How far a command that has not ended is at most."""
+
+LEFT_FROM = 0.02
+"""How much must be done for the first estimate of the time that is left."""
+
+NEWEST = "the newest data set"
+"""What an option that names no bag stands for."""
+
+
+def with_progress(words: str, at_once: bool = True) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Show the progress of a function: a command, or one of the API.
+
+    words: what it is doing, with names of its parameters in braces. at_once: it loads libraries or works for
+    seconds, so its first word comes before all else; otherwise only if it takes long.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def shown(*args: P.args, **options: P.kwargs) -> T:
+            with open_progress(words.format_map(_texts(function, args, options)), at_once):
+                return function(*args, **options)
+
+        return shown
+
+    return decorate
+
+
+@contextmanager
+def open_progress(title: str, at_once: bool = True) -> Iterator[None]:
+    """Show the progress of the block; within a command that shows its own, of which this is a part, do
+    nothing."""
+    global _display
+    if _display is not None or is_quiet():
+        yield
+        return
+    _display = _Display(one_line(title), at_once)
+    try:
+        yield
+    finally:
+        end_progress()
+
+
+def end_progress() -> None:
+    """Show nothing more of what goes on: the command waits for its user, as a server does, or has ended."""
+    global _display
+    if _display is not None:
+        _display.close()
+    _display = None
+
+
+def plan_progress(shares: Mapping[str, float]) -> None:
+    """Expect these phases of the work that goes on, in this order; shares: of its time, in any unit."""
+    if (display := _own_display()) is not None:
+        display.plan({one_line(name): share for name, share in shares.items()})
+
+
+@contextmanager
+def working_on(name: str) -> Iterator[Phase]:
+    """Show the block as a phase of the work; with --verbose, print how long it took."""
+    name, begin_s = one_line(name), time.monotonic()
+    with _in_phase(name) as phase:
+        yield phase
+    detail(f"{name}: {time.monotonic() - begin_s:.2f} s")
 
 
 def track(
     items: Iterable[T], description: str, total: int | None = None, status: Callable[[], str] | None = None
 ) -> Iterator[T]:
-    """Yield the same items, and show on standard error how many are done and how long the rest will take.
+    """Yield the same items, and show them as a phase of the work: how many are done, and what is left.
 
-    total: number of items, if they have no length. status: returns a text to show, called for each item.
-    --quiet suppresses the output.
+    total: number of items, if they have no length. status: returns a text to show beside their number.
     """
-    description, begin_s, count = one_line(description), time.monotonic(), 0
+    description, begin_s = one_line(description), time.monotonic()
     total = len(items) if total is None and isinstance(items, Sized) else total
-    for count, item in enumerate(_with_progress(items, description, total, status), 1):  # noqa: B007
-        yield item
-    detail(f"{description}: {count:,} in {time.monotonic() - begin_s:.2f} s")
-
-
-def _with_progress(
-    items: Iterable[T], description: str, total: int | None, status: Callable[[], str] | None
-) -> Iterable[T]:
-    if is_quiet():
-        return items
-    terminal = unwrapped(sys.stderr)
-    if terminal is not None and not terminal.closed and terminal.isatty():
-        return _with_bar(items, terminal, description, total, status)
-    return _with_lines(items, description, total, status)
-
-
-def _with_bar(
-    items: Iterable[T],
-    terminal: TextIO,
-    description: str,
-    total: int | None,
-    status: Callable[[], str] | None,
-) -> Iterator[T]:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(file=terminal), redirect_stdout=False) as progress:
-        task = progress.add_task(escape(description), total=total)
+    with _in_phase(description, total, status) as phase:
         for item in items:
             yield item
-            beside = f": {one_line(status())}" if status else ""
-            progress.update(task, advance=1, description=escape(f"{description}{beside}"))
+            phase.advance()
+    detail(f"{description}: {phase.count:,} in {time.monotonic() - begin_s:.2f} s")
 
 
-def _with_lines(
-    items: Iterable[T], description: str, total: int | None, status: Callable[[], str] | None
-) -> Iterator[T]:
-    begin_s = last_s = time.monotonic()
-    for count, item in enumerate(items, 1):
-        yield item
-        now_s = time.monotonic()
-        if now_s - last_s < LINE_EVERY_S:
-            continue
-        last_s = now_s
-        done = f"{count:,}"
-        if total:
-            left_s = (now_s - begin_s) / count * (total - count)
-            done = f"{count:,} of {total:,}, about {left_s:.0f} s left"
-        notice(f"{description}: {done}{f'; {status()}' if status else ''}")
+@contextmanager
+def _in_phase(
+    name: str, total: int | None = None, status: Callable[[], str] | None = None
+) -> Iterator[Phase]:
+    """A phase of what is shown; outside of all commands, a display of its own."""
+    with open_progress("", at_once=False):
+        display = _own_display()
+        if display is None:
+            yield Phase(name, total=total)
+            return
+        outer = display.phases[-1]
+        if not outer.name:
+            outer.plan({name: 1.0})
+        phase = outer.part(name, total, status)
+        display.phases.append(phase)
+        try:
+            yield phase
+            outer.leave(phase)
+        finally:
+            if phase in display.phases:
+                del display.phases[display.phases.index(phase) :]
+
+
+class _Display:
+    """What a thread shows of the phases of a command, until it is closed."""
+
+    def __init__(self, title: str, at_once: bool) -> None:
+        self.phases = [Phase(title)]
+        self.owner = threading.get_ident()
+        self._terminal = _terminal()
+        self._begin_s, self._begin_done = time.monotonic(), 0.0
+        is_command = bool(title) or self._terminal is not None
+        later_s = FIRST_WORD_S if is_command else LINE_EVERY_S
+        self._due_s = self._begin_s + (0.0 if at_once else later_s)
+        self._closed = threading.Event()
+        if at_once:
+            self.show()
+        self._thread = threading.Thread(target=self._run, name="progress", daemon=True)
+        self._thread.start()
+
+    def plan(self, shares: Mapping[str, float]) -> None:
+        """Expect these phases of the one that goes on. The command's own begin now: what came before, such as
+        the loading of libraries, says nothing of how long they take."""
+        self.phases[-1].plan(shares)
+        if len(self.phases) == 1:
+            self._begin_s, self._begin_done = time.monotonic(), self._done()
+
+    def close(self) -> None:
+        """Show nothing any more."""
+        self._closed.set()
+        self._thread.join(timeout=1.0)  # a signal may have come while it held the lock
+        if self._terminal is not None:
+            status_line.erase()
+
+    def show(self) -> None:
+        """Draw the bar, or print a line; the first one is what is done, without figures."""
+        if self._terminal is not None:
+            status_line.draw(self._terminal, self.bar(status_line.columns(self._terminal)))
+            self._due_s = time.monotonic() + DRAW_EVERY_S
+        else:
+            notice(self.line())
+            self._due_s = time.monotonic() + LINE_EVERY_S
+
+    def line(self) -> str:
+        """Such as `evaluating drive: detecting: 12 of 40, about 20 s left`."""
+        phases = tuple(self.phases)
+        left, status = self._left(), phases[-1].status
+        whole = ": ".join(_texts_of(phases)) + (f", about {left} left" if left else "")
+        if len(phases) == 1 and not left:
+            whole += " ..."
+        return f"{whole}; {one_line(status())}" if status else whole
+
+    def bar(self, columns: int) -> str:
+        """The same with a bar before it, for one line of a terminal; without room, outer phases go."""
+        phases, done = tuple(self.phases), self._done()
+        has_blocks = "utf" in (getattr(self._terminal, "encoding", None) or "").lower()
+        full, empty = ("█", "░") if has_blocks else ("#", ".")
+        cells = max(min(24, columns // 4), 1)
+        filled = int(cells * done)
+        left, status = self._left(), phases[-1].status
+        done_text = f"{full * filled}{empty * (cells - filled)} {100 * done:3.0f} %"
+        head = f"{done_text}  {f'{left} left' if left else '':<11}  "
+        texts = _texts_of(phases)
+        if status:
+            texts[-1] += f"; {one_line(status())}"
+        while len(texts) > 1 and len(head) + len(": ".join(texts)) >= columns:
+            del texts[0]
+        return head + ": ".join(texts)
+
+    def _done(self) -> float:
+        """How far the command is; it is never all done while it is shown."""
+        return min(self.phases[-1].done, MOST_SHOWN)
+
+    def _left(self) -> str:
+        """An estimate of the time that is left, such as `20 s`; empty where too little is done for one."""
+        done, spent_s = self._done(), time.monotonic() - self._begin_s
+        gained = done - self._begin_done
+        return duration_text(spent_s / gained * (1 - done)) if gained >= LEFT_FROM else ""
+
+    def _run(self) -> None:
+        while not self._closed.wait(max(self._due_s - time.monotonic(), 0.01)):
+            if time.monotonic() >= self._due_s:
+                self.show()
+
+
+def _texts_of(phases: Sequence[Phase]) -> list[str]:
+    """From the command to what is going on; work outside of a command has no title."""
+    return [phase.text(phase is phases[-1]) for phase in phases if phase.name]
+
+
+def duration_text(duration_s: float) -> str:
+    """About how long, such as `20 s`, `3 min` or `2 h`."""
+    for limit_s, unit_s, unit in ((90, 1, "s"), (90 * 60, 60, "min")):
+        if duration_s < limit_s:
+            return f"{duration_s / unit_s:.0f} {unit}"
+    return f"{duration_s / 3600:.0f} h"
+
+
+_display: _Display | None = None
+
+
+def _own_display() -> _Display | None:
+    """What is shown of this thread's work; another thread's phases are not those of the command."""
+    return _display if _display is not None and _display.owner == threading.get_ident() else None
+
+
+def _terminal() -> TextIO | None:
+    """The terminal that standard error is, if a line can be drawn again on it."""
+    stream = unwrapped(sys.stderr)
+    if stream is None or stream.closed or not stream.isatty() or os.environ.get("TERM") == "dumb":
+        return None
+    return stream
+
+
+def _texts(function: Callable[..., object], args: Any, options: Any) -> dict[str, str]:
+    """The arguments of a call, as its words name them."""
+    bound = inspect.signature(function).bind(*args, **options)
+    bound.apply_defaults()
+    return {name: shorten(_text(value)) for name, value in bound.arguments.items()}
+
+
+def _text(value: Any) -> str:
+    if value is None or value == ():
+        return NEWEST
+    if isinstance(value, list | tuple):
+        first, *others = map(_text, value)
+        return f"{first} and {len(others)} more" if others else first
+    if isinstance(value, os.PathLike):
+        return str(os.fspath(value))
+    return str(getattr(value, "name", value))

@@ -1,6 +1,6 @@
 """Handles SIGINT, SIGTERM and SIGHUP alike: the command cleans up, prints one line with the reason and ends.
 
-Only light modules of the standard library are imported here, as this module is loaded before all others.
+Only light modules of the standard library are imported, as this module is loaded before all others.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
+
+from advpipe.pipeline.core.status_line import erasing_bytes
 
 REASONS = {
     getattr(signal, name): reason
@@ -138,7 +140,7 @@ def _end_now(number: int) -> None:
         with suppress(Exception):
             stream.flush()
     with suppress(OSError):
-        os.write(2, f"{last_line(number)}\n".encode())
+        os.write(2, erasing_bytes() + f"{last_line(number)}\n".encode())
     os._exit(exit_code(number))
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.status_line import above_status
 from advpipe.pipeline.core.text import one_line
 
 
@@ -53,19 +54,22 @@ def is_for_people() -> bool:
 def print_result(text: object) -> None:
     """Print a part of the result that is known before the rest, such as a cell of a sweep."""
     if not _current.quiet:
-        print(text, file=sys.stderr if _current.as_json else sys.stdout, flush=True)
+        with above_status():
+            print(text, file=sys.stderr if _current.as_json else sys.stdout, flush=True)
 
 
 def notice(text: object) -> None:
     """Print one line that the user should read although it is not an error."""
     if not _current.quiet:
-        print(one_line(text), file=sys.stderr, flush=True)
+        with above_status():
+            print(one_line(text), file=sys.stderr, flush=True)
 
 
 def detail(text: object) -> None:
     """Print one line that only --verbose shows, with the seconds since the command began."""
     if _current.verbose:
-        print(f"[{time.monotonic() - _begin_s:6.1f} s] {one_line(text)}", file=sys.stderr, flush=True)
+        with above_status():
+            print(f"[{time.monotonic() - _begin_s:6.1f} s] {one_line(text)}", file=sys.stderr, flush=True)
 
 
 @contextmanager

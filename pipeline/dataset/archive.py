@@ -18,7 +18,8 @@ from pathlib import Path
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, writing
 from advpipe.pipeline.core.hashing import copy
 from advpipe.pipeline.core.partial import PartialFolder, finish_moves, move_items
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.phases import Phase
+from advpipe.pipeline.core.progress import track, working_on
 from advpipe.pipeline.dataset import checksums, layout, signature, tar_header
 from advpipe.pipeline.dataset.parts import PartsReader, PartsWriter, existing_parts, sums_path, whole_name
 
@@ -142,8 +143,8 @@ def unpack_archive(archive: Path, folder: Path | None = None, limits: Limits = L
                 raise NoRoomError(
                     f"{folder}: {stream.length_bytes} bytes are needed, {free_bytes} are free; make room"
                 )
-            with writing(folder):
-                found = _read(stream, partial.path, limits)
+            with writing(folder), working_on("reading files") as phase:
+                found = _read(stream, partial.path, limits, phase)
             _check(found, partial.path, archive)
             partial.commit(may_replace=lambda _: False)
         except BaseException:
@@ -152,7 +153,7 @@ def unpack_archive(archive: Path, folder: Path | None = None, limits: Limits = L
     return folder
 
 
-def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
+def _read(stream: PartsReader, folder: Path, limits: Limits, phase: Phase) -> dict[str, str]:
     """Write every file of an archive below a folder; returns their digests by relative path."""
     found: dict[str, str] = {}
     top, last = "", b""
@@ -175,6 +176,7 @@ def _read(stream: PartsReader, folder: Path, limits: Limits) -> dict[str, str]:
         found[name] = _copy(stream, folder, name, size_bytes)
         if any(stream.read(tar_header.padding(size_bytes))):
             raise _damaged(stream)
+        phase.reach(stream.position_bytes / stream.length_bytes)
     return found
 
 

@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
+from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.registry import load_detector
@@ -37,6 +38,11 @@ from advpipe.stages.attack.selected import messages_of_frames
 from advpipe.stages.attack.summary import NOT_SCHEDULED, AttackSummary
 
 __all__ = ["AttackRequest", "AttackSummary", "attack", "attack_id"]
+
+LOADING, MESSAGES, CLOUDS, WRITING = (
+    *("loading the detector", "changing messages", "attacking clouds", "writing the bag"),
+)
+"""The phases of an attack."""
 
 
 def attack(
@@ -62,6 +68,7 @@ def attack(
     attacked or the chosen frames or times, attacks that contradict each other, an output that exists, and
     while another run makes the same output.
     """
+    plan_progress({LOADING: 5, MESSAGES: 20, CLOUDS: 200, WRITING: 10})
     request.check()
     reader = BagReader(resolve_bag(clean))
     source = reader.path.resolve()
@@ -71,7 +78,8 @@ def attack(
     for spec in request.lidar:
         notice_default_lidar(reader, spec.lidar or spec.victim)
     for detector in {spec.detector: None for spec in request.lidar}:
-        load_detector(detector, request.device)
+        with working_on(LOADING):
+            load_detector(detector, request.device)
     provenance = job_provenance(reader, request)
     # Made here, as it refuses a bad output at once.
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
@@ -80,11 +88,12 @@ def attack(
     gnss, v2x = request.of("gnss"), request.of("v2x")
     with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
         debug = DebugMessages() if request.debug else None
-        changes = change_messages(reader, gnss, v2x, request.seed, debug)
+        with working_on(MESSAGES):
+            changes = change_messages(reader, gnss, v2x, request.seed, debug)
         messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
-        with writer as bag:
+        with working_on(WRITING), writer as bag:
             (bag.folder / "attack.yaml").write_text(resolved, encoding="utf-8")
             if plan is None:
                 for message in messages:
@@ -111,10 +120,9 @@ def _attack_clouds(
     )
     if own := plugin_names(name for spec in request.lidar for name in (spec.type, spec.detector)):
         attacker = partial(with_plugin_errors, attacker, own)
-    description = f"attacking: {attack_id(request)}"
     if at_once > 1:
-        workers, description = workers or 1, f"{description}, {at_once} clouds at once"
-    run_jobs(attacker, unfinished(groups, job), description, workers)
+        workers = workers or 1
+    run_jobs(attacker, unfinished(groups, job), CLOUDS, workers)
 
 
 def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:

@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.partial import staged_folder
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
@@ -27,6 +27,9 @@ from advpipe.stages.evaluate.report.terminal import print_report
 from advpipe.stages.evaluate.training_map import map_status
 
 __all__ = ["Options", "Report", "evaluate", "print_report"]
+
+LOADING, METRICS, WRITING = "loading the detector", "metrics and their intervals", "writing the report"
+"""The phases of an evaluation, beside those of its parts."""
 
 FRAMES = (
     "detection and cooperative perception are of the chosen clouds; localisation, V2X and coordinated "
@@ -57,20 +60,24 @@ def evaluate(
     detector or defence and for an existing `out`.
     """
     options = options or Options()
+    plan_progress(_plan(options))
     bags = Bags.checked(clean, adversarial, options)
     asked = options.detectors if bags.has_clouds_to_score else ()
     if asked:
         notice_default_lidar(BagReader(clean), options.lidar_topic)
-    models = {name: load_detector(name, options.device) for name in asked}
+    with working_on(LOADING):
+        models = {name: load_detector(name, options.device) for name in asked}
     with staged_folder(out, overwrite, REPORT) as folder:
         clean_sha256 = parent_sha256(clean)  # hashes the whole bag, so after all that is refused at once
         bags.refuse_another_parent(clean_sha256)
         summaries: list[Summary] = []
         for name in models:
-            comparisons = DetectionRun(name, clean, bags.on_clouds, options).comparisons(workers)
-            for comparison in track(comparisons, "metrics and their intervals", len(comparisons)):
-                warnings = comparison_warnings(comparison, clean, options.lidar_topic)
-                summaries.append(summarise(comparison, options.bootstrap_draws, options.seed, warnings))
+            with working_on(f"detector {name}"):
+                plan_progress({"detecting": 20, METRICS: 3})
+                comparisons = DetectionRun(name, clean, bags.on_clouds, options).comparisons(workers)
+                for comparison in track(comparisons, METRICS, len(comparisons)):
+                    warnings = comparison_warnings(comparison, clean, options.lidar_topic)
+                    summaries.append(summarise(comparison, options.bootstrap_draws, options.seed, warnings))
         sections = [*attacked_sections(summaries), *added_sections(clean, adversarial, options, summaries)]
         if not models and any(section.key == COOPERATIVE for section in sections):
             first = options.detectors[0]  # only that section needed a detector
@@ -85,5 +92,13 @@ def evaluate(
             {**FORMULAS, **chosen},
             [each.text for each in maps.values() if each.text],
         )
-        write_report(report, summaries, clean, folder, options)
+        with working_on(WRITING):
+            write_report(report, summaries, clean, folder, options)
     return replace(report, folder=out)
+
+
+def _plan(options: Options) -> dict[str, float]:
+    """The phases with rough shares of the time; those of families that were not attacked are left out."""
+    detectors = dict.fromkeys((f"detector {name}" for name in options.detectors), 60.0)
+    families = {"coordinated attacks": 3, "localisation": 5, "V2X of each bag": 8}
+    return {LOADING: 3, **detectors, **families, "cooperative perception": 8, WRITING: 30}

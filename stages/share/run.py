@@ -10,7 +10,7 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.hashing import sha256_of
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing_archive
@@ -25,6 +25,8 @@ from advpipe.stages.share.source import read_source, source_warnings, with_sourc
 from advpipe.stages.share.warnings import sharing_warnings
 
 __all__ = ["ShareOptions", "ShareSummary", "share"]
+
+DESCRIBING, DRAWING = "describing the bags", "card and pictures"
 
 _OTHER_ARCHIVES = (".gz", ".tgz", ".zip", ".xz", ".bz2", ".zst", ".7z")
 
@@ -55,6 +57,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
     _refuse_outputs(found, out, options)
     if options.sign is not None:
         signature.load_private_key(options.sign)
+    plan_progress({f"reading {dataset}": 2, DESCRIBING: 10, DRAWING: 4, "writing": 4})
     files = _own_files(found)
     source = read_source(found.clean)
     source_notes = tuple(source_warnings(options, source))
@@ -62,22 +65,24 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
     sums = {name: sha256_of(path) for name, path in track(files.items(), f"reading {dataset}", len(files))}
     sha256_of_bags = {bag.name: _sha256(bag, found, sums) for bag in found.bags}
     unchecked = check_chain(found, sha256_of_bags)
-    bags = [read_facts(bag) for bag in track(found.bags, "describing the bags")]
+    bags = [read_facts(bag) for bag in track(found.bags, DESCRIBING)]
     if not bags[0].topics:
         raise UsageError(f"{found.clean} holds no messages")
     warnings = (*unchecked, *source_notes, *sharing_warnings(found, bags, options))
     name = out.stem if _is_archive(out) else out.resolve().name
     with scratch_folder() as made:
-        write_additions(made, name, found, bags, sums, sha256_of_bags, options, warnings)
+        with working_on(DRAWING):
+            write_additions(made, name, found, bags, sums, sha256_of_bags, options, warnings)
         sums |= {added: sha256_of(made / added) for added in layout.files(made)}
         _write_sums(made, sums, options)
         files |= {added: made / added for added in layout.files(made)}
         size_bytes = sum(path.stat().st_size for path in files.values())
-        if _is_archive(out):
-            outputs = tuple(pack(files, out, options.split_size_bytes, overwrite=options.overwrite))
-        else:
-            write_folder(files, out, overwrite=options.overwrite)
-            outputs = (out,)
+        with working_on("writing"):
+            if _is_archive(out):
+                outputs = tuple(pack(files, out, options.split_size_bytes, overwrite=options.overwrite))
+            else:
+                write_folder(files, out, overwrite=options.overwrite)
+                outputs = (out,)
     left = [
         f"{leftover.path.relative_to(dataset)} was left by a killed run and is not shared; "
         "`advpipe clean` shows whether it is still needed"

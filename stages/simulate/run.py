@@ -12,7 +12,7 @@ from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.gc_freeze import gc_frozen
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.tabular import Rows, Tabular
@@ -31,6 +31,9 @@ from advpipe.stages.simulate.world.protocol import World
 from advpipe.stages.simulate.world.registry import build_world
 
 DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))
+
+NETWORK, WORLD, RECORDING = "loading the road network", "building the world", "recording frames"
+"""The phases of a simulation."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,6 +106,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
 
     Raises AdvpipeError for an invalid map, a network without room, or an existing output.
     """
+    plan_progress({NETWORK: 2, WORLD: 3, RECORDING: 90, "closing the bag": 3})
     text, seed = dump_scenario(scenario), scenario.simulation.seed
     plugins = plugin_names((scenario.traffic.source, scenario.world, scenario.v2x.network))
     with (
@@ -112,10 +116,12 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with as_usage_error():  # so far, only files that the scenario names have been read
-            roads = load_network(scenario.map, scratch, seed)
-            variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
-            setting = _Setting(roads, build_world(scenario, roads, variants), variants)
-            prepared = open_traffic(scenario, roads, variants, scratch)
+            with working_on(NETWORK):
+                roads = load_network(scenario.map, scratch, seed)
+            with working_on(WORLD):
+                variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
+                setting = _Setting(roads, build_world(scenario, roads, variants), variants)
+                prepared = open_traffic(scenario, roads, variants, scratch)
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
         compression = scenario.recording.compression
         with (
@@ -143,7 +149,7 @@ def _drive(
     network = open_network(scenario, traffic.step, footprints)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
     tally = _Tally()
-    for frame in track(range(clock.frames), f"simulating {scenario.name}"):
+    for frame in track(range(clock.frames), RECORDING):
         network_step = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
         drivers = traffic.road_users()
         users = [*drivers.values(), *(walker.at(frame * clock.step_s) for walker in walkers)]

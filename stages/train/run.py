@@ -18,7 +18,7 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.detector.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.common.network import DetectionNetwork
@@ -36,6 +36,8 @@ from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
 from advpipe.stages.train.workers import Gradients, gradients
+
+READING = "reading the bags"
 
 SOME_FRAMES = 40
 """Number of frames of a validation during the run."""
@@ -77,16 +79,19 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
     nor on the number of worker processes. Raises AdvpipeError for bags without ground truth, a folder in use,
     and a loss that is not finite.
     """
+    plan_progress({READING: 5, "train": 90, "validate": 5})
     folder, device = RunFolder(config.out), open_device(config.device)
     bags = [labelled_bag(bag) for bag in config.bags]
     drive = validation_drive(config)
     torch.manual_seed(config.seed)
     net = new_net(config).to(device)
     with folder.locked(overwrite):
-        digests = {bag: parent_sha256(bag) for bag in bags}
-        origin = training_origin(config, digests)
-        folder.open(config, origin, overwrite)
-        return _train(folder, net, store_frames(digests, folder, config), config, drive, origin)
+        with working_on(READING):
+            digests = {bag: parent_sha256(bag) for bag in bags}
+            origin = training_origin(config, digests)
+            folder.open(config, origin, overwrite)
+            store = store_frames(digests, folder, config)
+        return _train(folder, net, store, config, drive, origin)
 
 
 def _train(

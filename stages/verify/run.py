@@ -8,7 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.locate import bag_named
 from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
@@ -81,6 +81,8 @@ def _run(subject: Subject, quick: bool, result: Verification) -> None:
             result.add(
                 "container", [Unchecked(subject.place(leftover.path), f"{what}; not part of the data set")]
             )
+    messages = {} if quick else {f"checking {bag.place}": 10.0 for bag in subject.bags}
+    plan_progress({"hashing": 2, "checksums": 1, **messages})
     for name in result.checks:
         check_class = CHECKS[name]
         if issubclass(check_class, FolderCheck):

@@ -14,6 +14,7 @@ from advpipe.pipeline.campaigns.sweep.scored import scored_cell
 from advpipe.pipeline.campaigns.sweep.variants import HIDE, split_recipe, steps_factor
 from advpipe.pipeline.core.errors import writing
 from advpipe.pipeline.core.partial import remove_output
+from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.lidar.build import build_lidar_attack
@@ -68,18 +69,21 @@ class Bench:
         """Attack and evaluate one cell; also the time that each took."""
         bag = self.out / "bags" / f"{recipe}-{budget.name}"
         begin_s = time.perf_counter()
-        self.attack(budget, recipe, settings, bag)
+        plan_progress({"attacking": 2, "evaluating": 1})
+        with working_on("attacking"):
+            self.attack(budget, recipe, settings, bag)
         attacked_s = time.perf_counter()
-        cell = scored_cell(
-            self.clean,
-            bag,
-            budget.name,
-            recipe,
-            settings,
-            detector=self.detector,
-            workers=self.workers,
-            device=self.device,
-        )
+        with working_on("evaluating"):
+            cell = scored_cell(
+                self.clean,
+                bag,
+                budget.name,
+                recipe,
+                settings,
+                detector=self.detector,
+                workers=self.workers,
+                device=self.device,
+            )
         if not self.keep_bags:
             self.tidy(bag)
         return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))

@@ -19,12 +19,15 @@ from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, records
 from advpipe.pipeline.campaigns.sweep.variants import steps_factor
 from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
 from advpipe.pipeline.core.verbosity import detail, print_result
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.training_map import map_status
+
+WRITING = "writing the report"
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,14 @@ class Sweep:
     def run(self, overwrite: bool = False) -> SweepReport:
         """Run the cells that are missing, and write the report of all that the folder holds."""
         self.store.open(self.settings, list(self.options.recipes), overwrite)
+        missing = [cell for cell in self.places() if self.store.load(cell[0], cell[1].name) is None]
+        plan_progress({**{cell_name(*cell): 10.0 for cell in missing}, WRITING: 3})
         new = [recipe for recipe, budget in self.places() if self._run_missing(recipe, budget)]
+        with working_on(WRITING):
+            return self._write(new)
+
+    def _write(self, new: Sequence[str]) -> SweepReport:
+        """Write the report of the finished cells; new: recipes with a new one among them."""
         done = self.store.cells()
         shown = recipes_of(done, list(self.options.recipes))
         pictures = [
@@ -82,10 +92,11 @@ class Sweep:
 
     def _run_missing(self, recipe: str, budget: SweepBudget) -> bool:
         if self.store.load(recipe, budget.name) is not None:
-            print_result(f"{recipe}-{budget.name}: kept")
+            print_result(f"{cell_name(recipe, budget)}: kept")
             return False
-        cell, times = self.bench.run(budget, recipe, self.settings)
-        self.store.save(cell, times)
+        with working_on(cell_name(recipe, budget)):
+            cell, times = self.bench.run(budget, recipe, self.settings)
+            self.store.save(cell, times)
         print_result(_line(cell, budget, times))
         return True
 
@@ -123,6 +134,11 @@ class SweepReport(Tabular):
     def show(self) -> None:
         """The tables on the terminal."""
         print_document(self.cells, self.recipes, self.warnings)
+
+
+def cell_name(recipe: str, budget: SweepBudget) -> str:
+    """The name of a cell that may not have been run yet."""
+    return f"{recipe}-{budget.name}"
 
 
 def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:

@@ -12,6 +12,7 @@ from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
 from advpipe.pipeline.core.code import source_commit
+from advpipe.pipeline.core.progress import plan_progress
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
@@ -50,6 +51,7 @@ def scored_cell(
             device=device,
         ),
     )
+    plan_progress({"detecting": 9, "metrics": 1})
     (comparison,) = run.comparisons(workers)
     summary = summarise(comparison, DRAWS, settings.seed)
     return Cell(

@@ -20,8 +20,8 @@ from advpipe.stages.evaluate.detection.metrics import (
 from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.uncounted_notes import uncounted_notes
 
-FEW_BLOCKS = 10
-"""With fewer blocks, intervals are rough."""
+MIN_BLOCKS, FEW_BLOCKS = 6, 10
+"""With fewer blocks of frames, tables show no interval: it would be too narrow; or intervals are rough."""
 
 
 def result_row(
@@ -108,8 +108,11 @@ def _notes(
     """Notes on too few blocks, an undefined mAP ratio, objects with few points left, and weak or strong
     baselines."""
     n_blocks, baseline_tries = scored.bootstrap.n_blocks, attack.baseline_tries
-    if n_blocks < 2:
-        yield f"The frames fill fewer than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."
+    if n_blocks < MIN_BLOCKS:
+        yield (
+            f"Tables show no interval: that takes {MIN_BLOCKS} blocks of {MIN_BLOCK_S:g} s, and the frames "
+            f"fill {n_blocks}."
+        )
     elif n_blocks < FEW_BLOCKS:
         yield f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."
     if attacked and scored.by_condition["clean"].mean_ap() == 0:

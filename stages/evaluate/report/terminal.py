@@ -18,6 +18,7 @@ from advpipe.stages.evaluate.report.numbers import (
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import CAR, CLEAN, clean_lines, lines, lost_of, table_notes
+from advpipe.stages.evaluate.report.wording import OVERLAPS, RANDOM_BEST, WHITE_BOX
 
 COLUMNS = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
 """The columns of the page's table of attacks that fit into 80 characters."""
@@ -27,16 +28,22 @@ INTERVAL = "95 %"
 
 MIN_TITLE = 16
 
+SHORT_RANDOM_BEST = "Plain random baselines are weaker than recipe random-best, which is not among them."
+SHORT_WHITE_BOX = "The attacker knows the true boxes and the detector's weights."
+
 
 def print_report(report: Report) -> None:
-    """Print the warnings, the tables and the notes of a report.
+    """Print the warnings, the notes and the tables of a report; the tables come last, where people look.
 
     The tables are the detector's results on the clean clouds, those on attacked clouds if there are any,
-    and the main values of each section that a family of attacks adds.
+    and the main values of each section that a family of attacks adds. Of what every report says of its
+    baselines and attackers there is one line; the page has it in full.
     """
     console = plain_console()
     for warning in report.warnings:
         console.print(warning, style="bold yellow", highlight=False, markup=False)
+    for note in _notes(report):
+        console.print(note, highlight=False, markup=False)
     if by_class := clean_lines(report):
         console.print(terminal_table(_clean_table(by_class), console.width))
     if any(row.attacked for row in report.results):
@@ -46,13 +53,18 @@ def print_report(report: Report) -> None:
         found = clean.precisions.ap
         car = f"; car alone {formatted_number(found[CAR], 3)}" if CAR in found else ""
         console.print(f"mAP {formatted_number(clean.means['strict'].map_r40, 3)}{car}", highlight=False)
-    for note in table_notes(report):
-        console.print(note, highlight=False, markup=False)
     for section in report.sections:
-        for table in section.terminal:
-            console.print(terminal_table(table, console.width))
         for note in section.notes:
             console.print(note, highlight=False, markup=False)
+        for table in section.terminal:
+            console.print(terminal_table(table, console.width))
+
+
+def _notes(report: Report) -> list[str]:
+    """The notes of the page's table, shorter."""
+    notes = [note.replace(f" ({OVERLAPS})", "") for note in table_notes(report)]
+    short = {RANDOM_BEST: SHORT_RANDOM_BEST, WHITE_BOX: SHORT_WHITE_BOX}
+    return [short.get(note, note) for note in notes]
 
 
 def _clean_table(by_class: Sequence[dict[str, str]]) -> Table:
@@ -65,13 +77,11 @@ def _attack_table(report: Report) -> Table:
         "Detection: strict 3D R40 average precision, ratio to clean, Chamfer distance; "
         f"lost: found on the clean cloud and missed, {lost_of(report)}"
     )
-    found = lines(report, is_short=True)
-    none = dict.fromkeys(line[INTERVAL] for line in found if line[INTERVAL].startswith(NO_INTERVAL))
-    return _table("; ".join([title, *none]), COLUMNS, found)
+    return _table(title, COLUMNS, lines(report, is_short=True))
 
 
 def _table(title: str, columns: Sequence[str], found: Sequence[dict[str, str]]) -> Table:
-    """Some columns of these lines; notes below say in words what is short here."""
+    """Some columns of these lines; notes say in words what is short here."""
     shown = [
         {column: _short(line[column]) if column != columns[0] else line[column] for column in columns}
         for line in found

@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from first_words import without_progress
 
 from advpipe.pipeline.core.missing_library import (
     DEBIAN_PACKAGES,
@@ -38,7 +39,7 @@ def advpipe(*arguments: str, shadow: Path) -> subprocess.CompletedProcess[str]:
 def line_of(done: subprocess.CompletedProcess[str]) -> str:
     assert done.returncode == 1, done
     assert "Traceback" not in done.stderr
-    (line,) = done.stderr.splitlines()
+    (line,) = without_progress(done.stderr).splitlines()
     return line
 
 

@@ -1,67 +1,188 @@
-"""Progress: a bar on a terminal, a line every ten seconds elsewhere, nothing with --quiet."""
+"""Progress: one bar a command on a terminal, a line every ten seconds elsewhere, nothing with --quiet."""
 
 from __future__ import annotations
 
 import os
 import pty
-import select
+import re
 import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 
-from advpipe.pipeline.core import progress
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core import progress, status_line
+from advpipe.pipeline.core.progress import open_progress, plan_progress, track, with_progress, working_on
 from advpipe.pipeline.core.streams import safe_streams
-from advpipe.pipeline.core.verbosity import Verbosity, use_verbosity
+from advpipe.pipeline.core.verbosity import Verbosity, notice, print_result, use_verbosity
+
+Shown = Callable[[], str]
 
 
 @pytest.fixture
-def four_seconds_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every look at the clock is four seconds after the one before."""
-    clock = iter(range(0, 10_000, 4))
-    monkeypatch.setattr(progress.time, "monotonic", lambda: float(next(clock)))
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines come every twentieth of a second, so that tests take less than one."""
+    monkeypatch.setattr(progress, "LINE_EVERY_S", 0.05)
+    monkeypatch.setattr(progress, "FIRST_WORD_S", 0.02)
 
 
-@pytest.mark.usefixtures("four_seconds_each")
-def test_a_line_is_printed_every_ten_seconds(capsys: pytest.CaptureFixture[str]) -> None:
-    assert list(track(range(8), "read\x1b", status=lambda: "loss 1")) == list(range(8))
-    lines = capsys.readouterr().err.splitlines()
-    assert lines == [
-        "read\\x1b: 3 of 8, about 20 s left; loss 1",
-        "read\\x1b: 6 of 8, about 8 s left; loss 1",
-    ]
+@contextmanager
+def on_terminal() -> Iterator[Shown]:
+    """Standard error is a terminal; gives what it has shown."""
+    ours, theirs = pty.openpty()
+    with pytest.MonkeyPatch.context() as patch, open(theirs, "w", encoding="utf-8") as terminal:
+        patch.setattr(progress, "DRAW_EVERY_S", 0.01)
+        patch.setenv("TERM", "xterm")
+        patch.setattr(sys, "stderr", terminal)
+
+        collected = bytearray()
+
+        def collect() -> None:  # a terminal that nobody reads from stops whoever writes
+            with suppress(OSError):
+                while block := os.read(ours, 1 << 16):
+                    collected.extend(block)
+
+        threading.Thread(target=collect, daemon=True).start()
+
+        def read() -> str:
+            time.sleep(0.2)
+            return collected.decode(errors="replace")
+
+        yield read
+    os.close(ours)
 
 
-@pytest.mark.usefixtures("four_seconds_each")
-def test_without_a_total_only_the_count_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert sum(track(iter(range(4)), "read")) == 6
-    assert capsys.readouterr().err == "read: 3\n"
+def test_the_first_word_comes_at_once_and_then_a_line_now_and_then(
+    soon: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open_progress("evaluating d\x1b"):
+        assert capsys.readouterr().err == "evaluating d\\x1b ...\n"
+        plan_progress({"loading": 1, "detecting": 1})
+        with working_on("loading"):
+            time.sleep(0.2)
+        assert set(capsys.readouterr().err.splitlines()) == {"evaluating d\\x1b: loading"}
+        for _ in track(range(2), "detecting", status=lambda: "loss 1"):
+            time.sleep(0.2)
+        last = capsys.readouterr().err.splitlines()[-1]
+        assert re.fullmatch(
+            r"evaluating d\\x1b: detecting: 1 of 2, about \d+ s left; loss 1",
+            last,
+        )
+    time.sleep(0.1)
+    assert capsys.readouterr() == ("", "")  # nothing after its end
 
 
 def test_quick_work_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(track(range(100), "read", 100)) == list(range(100))
+    with open_progress("reading", at_once=False), working_on("hashing"):
+        pass
     assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.usefixtures("four_seconds_each")
-def test_quiet_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    with use_verbosity(Verbosity(quiet=True)):
-        assert len(list(track(range(100), "read", 100))) == 100
+def test_work_without_a_command_says_what_it_is_when_it_takes_long(
+    soon: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for _ in track(iter(range(3)), "read"):
+        time.sleep(0.1)
+    assert "read: 2" in capsys.readouterr().err.splitlines()
+
+
+def test_quiet_prints_nothing(soon: None, capsys: pytest.CaptureFixture[str]) -> None:
+    with use_verbosity(Verbosity(quiet=True)), open_progress("reading"):
+        for _ in track(range(2), "read", 2):
+            time.sleep(0.1)
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Though the streams are safe; the description is spelt out, and is no markup."""
-    ours, theirs = pty.openpty()
-    with open(theirs, "w", encoding="utf-8") as terminal:
-        monkeypatch.setattr(sys, "stderr", terminal)
-        with safe_streams():
-            assert list(track(range(3), "read \x1b]0;x\x07[red]", 3)) == [0, 1, 2]
-        terminal.flush()
-        shown = ""
-        while "3/3" not in shown and select.select([ours], [], [], 10)[0]:
-            shown += os.read(ours, 1 << 16).decode()
-    os.close(ours)
-    assert "read \\x1b]0;x\\x07[red]" in shown
-    assert "3/3" in shown
-    assert "\x1b]0;" not in shown
+def test_a_command_within_a_command_is_a_part_of_it(capsys: pytest.CaptureFixture[str]) -> None:
+    with open_progress("running"):
+        plan_progress({"attacking": 1, "evaluating": 1})
+        with working_on("attacking"), open_progress("another"):
+            plan_progress({"clouds": 1})
+            for _ in track(range(2), "clouds"):
+                place = progress._display.phases[-1].done  # type: ignore[union-attr]
+        assert place == pytest.approx(0.25)
+        with working_on("evaluating"):
+            assert progress._display.phases[-1].begin == 0.5  # type: ignore[union-attr]
+    assert capsys.readouterr().err == "running ...\n"
+
+
+def test_after_an_error_the_outer_phase_goes_on() -> None:
+    with open_progress("running"):
+        with pytest.raises(ValueError, match="no"), working_on("attacking"):
+            raise ValueError("no")
+        assert [phase.name for phase in progress._display.phases] == ["running"]  # type: ignore[union-attr]
+        broken = track(range(3), "left in the middle")
+        next(broken)
+        del broken
+        assert len(progress._display.phases) == 1  # type: ignore[union-attr]
+    assert progress._display is None
+
+
+def test_another_thread_is_no_part_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with open_progress("viewing"):
+        other = threading.Thread(target=lambda: list(track(range(3), "serving")))
+        other.start()
+        other.join()
+        assert [phase.name for phase in progress._display.phases] == ["viewing"]  # type: ignore[union-attr]
+
+
+def test_words_name_the_arguments(capsys: pytest.CaptureFixture[str]) -> None:
+    @with_progress("attacking {bag} with {type} into {out}")
+    def attack(bag: object = None, *more: str, type: str, out: Path | None = Path("o")) -> str:
+        return type
+
+    assert attack(type="detach") == attack("a", type="x" * 200)[:0] + "detach"
+    assert attack([Path("a"), Path("b"), Path("c")], type="detach") == "detach"
+    first, long, several = capsys.readouterr().err.splitlines()
+    assert first == "attacking the newest data set with detach into o ..."
+    assert len(long) < 150
+    assert several == "attacking a and 2 more with detach into o ..."
+
+
+def test_a_terminal_shows_one_bar_that_goes() -> None:
+    """Though the streams are safe; what is printed meanwhile stands above it, and nothing is left of it."""
+    with on_terminal() as shown, safe_streams():
+        with open_progress("read \x1b]0;x\x07[red]"):
+            plan_progress({"one": 1, "two": 1})
+            for number in track(range(4), "one"):
+                time.sleep(0.05)
+                if number == 2:
+                    notice("a note")
+            with working_on("two"):
+                time.sleep(0.05)
+        text = shown()
+    assert "read \\x1b]0;x\\x07[red]: one: 2 of 4" in text
+    assert "50 %" in text
+    assert "\r\x1b[Ka note\r\n" in text
+    assert "\x1b]0;" not in text
+    percents = [int(found) for found in re.findall(r"(\d+) %", text)]
+    assert percents == sorted(percents)
+    assert max(percents) < 100
+    assert text.endswith("\r\x1b[K")
+
+
+def test_the_bar_fits_the_terminal() -> None:
+    with on_terminal() as shown:
+        with open_progress("x" * 300), working_on("界" * 100):
+            time.sleep(0.05)
+        text = shown()
+    drawn = text.split("\r\x1b[K")
+    assert "界" in drawn[-2]
+    assert max(len(line) + line.count("界") for line in drawn) < 80
+
+
+def test_what_is_printed_goes_above_the_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with on_terminal() as shown:
+        with open_progress("sweeping"):
+            print_result("cell")
+            with status_line.above_status():
+                time.sleep(0.05)
+                before = status_line.erasing_bytes()
+        text = shown()
+    assert before == b""
+    assert text.count("\r\x1b[K") > 2
+    assert capsys.readouterr().out == "cell\n"

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from first_words import without_progress
 
 FAULTS = {
     "RuntimeError": "raise RuntimeError('no\\nidea \\x1b[2J')",
@@ -31,7 +32,9 @@ def inspect(fault: str, folder: Path, *options: str, **environment: str) -> subp
     arguments = [*options, "inspect", "some"]
     environment = {**os.environ, "ADVPIPE_TRACEBACK_DIR": str(folder), **environment}
     command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment)
+    done.stderr = without_progress(done.stderr)
+    return done
 
 
 @pytest.mark.parametrize("kind", FAULTS)
@@ -70,7 +73,7 @@ def test_the_traceback_is_shown_if_the_file_cannot_be_written(tmp_path: Path) ->
 def test_a_usage_error_shows_no_traceback(tmp_path: Path) -> None:
     arguments = [sys.executable, "-m", "advpipe", "--traceback", "inspect", "nowhere"]
     done = subprocess.run(arguments, capture_output=True, text=True, cwd=tmp_path)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert (done.returncode, without_progress(done.stderr).count("\n")) == (2, 1)
 
 
 TEST = """

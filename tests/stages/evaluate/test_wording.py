@@ -10,6 +10,7 @@ from scored import evaluate
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import xyz
+from advpipe.stages.evaluate.report.terminal import SHORT_RANDOM_BEST, SHORT_WHITE_BOX
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 from advpipe.stages.evaluate.run import print_report
 
@@ -83,9 +84,11 @@ def test_the_baselines_are_called_what_they_are(clean, attacked, tmp_path, capsy
     page = text_of((tmp_path / "report" / "report.html").read_text())
     for tag in ("<code>", "</code>"):
         page = page.replace(tag, "`")
+    assert SHORT_RANDOM_BEST in printed
+    assert SHORT_WHITE_BOX in printed
+    assert RANDOM_BEST in page.replace("&#39;", "'")
+    assert WHITE_BOX in page.replace("&#39;", "'")
     for text in (printed, page.replace("&#39;", "'")):
-        assert RANDOM_BEST in text
-        assert WHITE_BOX in text
         assert "(the strongest plain random baseline)" in text
         assert "Significant against plain random: yes." in text
     document = json.loads((tmp_path / "report" / "report.json").read_text())
@@ -95,4 +98,4 @@ def test_the_baselines_are_called_what_they_are(clean, attacked, tmp_path, capsy
 
 def test_without_an_attack_there_is_nothing_to_say_of_attackers(clean, tmp_path, capsys):
     print_report(evaluate(clean, [], tmp_path / "report", detector="place_drive:PlaceDetector"))
-    assert WHITE_BOX not in text_of(capsys.readouterr().out)
+    assert SHORT_WHITE_BOX not in text_of(capsys.readouterr().out)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.core.verbosity import Verbosity, use_verbosity
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import invert, se3_from_yaw, transform_points
@@ -184,21 +184,15 @@ def test_no_section_with_one_vehicle(tmp_path: Path) -> None:
     assert cooperative_sections(clean, [clean], 0, DETECTOR) == ()
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-def test_frames_choose_the_clouds_that_are_fused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The place is false in the last two frames of three; a bar counts what is fused, and no more is."""
+def test_frames_choose_the_clouds_that_are_fused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The place is false in the last two frames of three; what is fused is counted, and no more is."""
     clean = write(tmp_path / "clean")
     attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
     for chosen, frames in (("::", 2), ("0:2", 1), ("2", 1), ("0::2", 1)):
-        monkeypatch.setattr("sys.stderr", terminal := Terminal())
-        (section,) = cooperative_sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice.parse(chosen))
+        with use_verbosity(Verbosity(verbose=True)):
+            (section,) = cooperative_sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice.parse(chosen))
         assert {record["frames"] for record in rows_of(section)} == {frames}
-        assert "cooperative perception" in terminal.getvalue()
-        assert f"{frames}/{frames}" in terminal.getvalue()
+        assert f"cooperative perception: {frames} in" in capsys.readouterr().err
 
 
 def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) -> None:
