@@ -55,9 +55,15 @@ def read_object_calibration(file: Path) -> KittiCalibration:
     numbers = read_keyed_numbers(file)
     required = matrix_of(numbers, f"P{LABELLED_CAMERA}", (3, 4), file, _FIX)
     projections = {
-        camera: matrix_of(numbers, f"P{camera}", (3, 4), file, _FIX) for camera in CAMERAS if f"P{camera}" in numbers
+        camera: matrix_of(numbers, f"P{camera}", (3, 4), file, _FIX)
+        for camera in CAMERAS
+        if f"P{camera}" in numbers
     }
-    imu = matrix_of(numbers, "Tr_imu_to_velo", (3, 4), file, _FIX) if "Tr_imu_to_velo" in numbers else np.eye(4)[:3]
+    imu = (
+        matrix_of(numbers, "Tr_imu_to_velo", (3, 4), file, _FIX)
+        if "Tr_imu_to_velo" in numbers
+        else np.eye(4)[:3]
+    )
     return KittiCalibration(
         {**projections, LABELLED_CAMERA: required},
         matrix_of(numbers, "R0_rect", (3, 3), file, _FIX),

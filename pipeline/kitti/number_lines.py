@@ -57,7 +57,9 @@ def read_number_rows(file: Path, columns: int, fix: str) -> Float64:
             row = []
         if len(row) != columns or not all(map(math.isfinite, row)):
             raise AdvpipeError(
-                one_line(f"{file}: line {number} does not have {columns} finite numbers: {line[:60]!r}; {fix}")
+                one_line(
+                    f"{file}: line {number} does not have {columns} finite numbers: {line[:60]!r}; {fix}"
+                )
             )
         rows.append(row)
     return np.array(rows, np.float64).reshape(-1, columns)

@@ -71,7 +71,11 @@ def camera_box(
     x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad = map(float, box)
     bottom = transform_points(calibration.rectified_SE3_lidar, (x_m, y_m, z_m - height_m / 2))
     rotation_y_rad = float(wrap_angle(-yaw_rad - math.pi / 2))
-    return (height_m, width_m, length_m), (float(bottom[0]), float(bottom[1]), float(bottom[2])), rotation_y_rad
+    return (
+        (height_m, width_m, length_m),
+        (float(bottom[0]), float(bottom[1]), float(bottom[2])),
+        rotation_y_rad,
+    )
 
 
 def observation_angle(bottom_m: tuple[float, float, float], rotation_y_rad: float) -> float:
@@ -95,7 +99,9 @@ def _label(line: str, where: str) -> ObjectLabel:
         raise AdvpipeError(one_line(f"{where} has a value that is no number ({error}); {_FIX}")) from None
     if not all(map(math.isfinite, values)) or not -128 <= values[1] <= 127:
         raise AdvpipeError(one_line(f"{where} has a value out of its range: {line[:80]!r}; {_FIX}"))
-    truncation, occlusion, alpha, left, top, right, bottom, height, width, length, x, y, z, rotation = values[:14]
+    truncation, occlusion, alpha, left, top, right, bottom, height, width, length, x, y, z, rotation = values[
+        :14
+    ]
     return ObjectLabel(
         class_name,
         truncation,

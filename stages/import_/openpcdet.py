@@ -51,7 +51,9 @@ class OpenPcdetForm(DriveForm):
     def open(self, source: Path, options: ImportOptions) -> DriveSource:
         """Check the folders by the names of their files."""
         if not (source / "points").is_dir():
-            raise UsageError(f"{source / 'points'} is missing; give a folder with points/*.npy and labels/*.txt")
+            raise UsageError(
+                f"{source / 'points'} is missing; give a folder with points/*.npy and labels/*.txt"
+            )
         return PointFolders(source, options, self.class_map(options))
 
 
@@ -105,7 +107,9 @@ class PointFolders:
         points = file_names(self._source / "points", ".npy")
         labels = file_names(self._source / "labels", ".txt")
         if not points:
-            raise UsageError(f"{self._source / 'points'} holds no .npy files; save a table of points a frame there")
+            raise UsageError(
+                f"{self._source / 'points'} holds no .npy files; save a table of points a frame there"
+            )
         self._is_labelled = bool(labels)
         names = points
         if split is not None:
@@ -124,7 +128,9 @@ class PointFolders:
         try:
             table = np.load(file, allow_pickle=False)
         except (OSError, ValueError, EOFError) as error:
-            raise AdvpipeError(one_line(f"{file}: is no NumPy array, or is truncated ({error}); save it again")) from None
+            raise AdvpipeError(
+                one_line(f"{file}: is no NumPy array, or is truncated ({error}); save it again")
+            ) from None
         columns = self._columns or COLUMN_NAMES[:4]
         if getattr(table, "ndim", 0) != 2 or table.shape[1] != len(columns) or table.dtype.kind not in "fiu":
             shape = getattr(table, "shape", None)
@@ -161,9 +167,13 @@ class PointFolders:
         try:
             box = [float(text) for text in texts]
         except ValueError as error:
-            raise AdvpipeError(one_line(f"{where} has a value that is no number ({error}); {_LABEL_FIX}")) from None
+            raise AdvpipeError(
+                one_line(f"{where} has a value that is no number ({error}); {_LABEL_FIX}")
+            ) from None
         if not all(map(math.isfinite, box)):
-            raise AdvpipeError(one_line(f"{where} has a value that is not finite: {line[:80]!r}; {_LABEL_FIX}"))
+            raise AdvpipeError(
+                one_line(f"{where} has a value that is not finite: {line[:80]!r}; {_LABEL_FIX}")
+            )
         if class_name not in self._classes:
             raise AdvpipeError(
                 one_line(

@@ -14,7 +14,9 @@ def chosen_drive(source: Path, drives: Mapping[str, Path], drive: str | None) ->
     if drive is None:
         if len(drives) == 1:
             return next(iter(drives.values()))
-        raise UsageError(f"{source} holds {len(drives)} drives; choose one by --drive: {', '.join(sorted(drives))}")
+        raise UsageError(
+            f"{source} holds {len(drives)} drives; choose one by --drive: {', '.join(sorted(drives))}"
+        )
     matching = [name for name in drives if drive in (name, _number(name))]
     if len(matching) != 1:
         what = "no drive" if not matching else f"{len(matching)} drives"

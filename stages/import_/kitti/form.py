@@ -39,7 +39,9 @@ class KittiForm(DriveForm):
     def open(self, source: Path, options: ImportOptions) -> DriveSource:
         """Find out which form the folder has and open it."""
         if not source.is_dir():
-            raise UsageError(f"{source} {'is no folder' if source.exists() else 'does not exist'}; give KITTI's folder")
+            raise UsageError(
+                f"{source} {'is no folder' if source.exists() else 'does not exist'}; give KITTI's folder"
+            )
         found = _forms_of(source)
         if not found:
             raise UsageError(
@@ -47,7 +49,9 @@ class KittiForm(DriveForm):
                 "DATE/DATE_drive_NNNN_sync (raw), nor sequences/NN/velodyne (odometry)"
             )
         if len(found) > 1:
-            raise UsageError(f"{source} mixes KITTI's forms {' and '.join(found)}; give the folder of one of them")
+            raise UsageError(
+                f"{source} mixes KITTI's forms {' and '.join(found)}; give the folder of one of them"
+            )
         classes = self.class_map(options)
         if found == ["raw"]:
             return RawDrive(source, options, classes)
@@ -62,7 +66,9 @@ def _forms_of(source: Path) -> list[str]:
     has_clouds = (source / "velodyne").is_dir()
     is_object = any((source / name).is_dir() for name in ("training", "testing"))
     found = {
-        "object": is_object or (has_clouds and (has_calib_folder or not is_sequence)) or (source / "label_2").is_dir(),
+        "object": is_object
+        or (has_clouds and (has_calib_folder or not is_sequence))
+        or (source / "label_2").is_dir(),
         "raw": bool(raw_drives(source)),
         "odometry": (source / "sequences").is_dir() or (has_clouds and is_sequence),
     }

@@ -14,8 +14,8 @@ from advpipe.pipeline.kitti.calibration import KittiCalibration, read_object_cal
 from advpipe.pipeline.kitti.object_label import DONT_CARE, ObjectLabel, read_object_labels
 from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
-from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.folders import file_names, read_cloud, read_split, refuse_missing
+from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
 
 INTERVAL_S = 5.0
@@ -95,11 +95,15 @@ class ObjectFrames:
         folder = self._folder
         clouds = file_names(folder / "velodyne", ".bin")
         if not clouds:
-            raise UsageError(f"{folder / 'velodyne'} holds no .bin files; unpack KITTI's velodyne archive there")
+            raise UsageError(
+                f"{folder / 'velodyne'} holds no .bin files; unpack KITTI's velodyne archive there"
+            )
         names = clouds
         if split is not None and (split not in _TEST_SPLITS or _has_split(folder, split)):
             names = read_split([source, folder, folder.parent], split)
-            refuse_missing(folder / "velodyne", ".bin", names, clouds, "restore it, or choose another --split")
+            refuse_missing(
+                folder / "velodyne", ".bin", names, clouds, "restore it, or choose another --split"
+            )
         refuse_missing(
             folder / "calib", ".txt", names, file_names(folder / "calib", ".txt"),
             "restore it from KITTI's calibration archive",

@@ -12,9 +12,9 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.kitti.calibration import CAMERAS, KittiCalibration
 from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers, read_number_rows
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
+from advpipe.stages.import_.folders import numbered_clouds, read_cloud
 from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.kitti.choose import chosen_drive, refuse_options
-from advpipe.stages.import_.folders import numbered_clouds, read_cloud
 from advpipe.stages.import_.options import ImportOptions
 
 _FIX = "restore it from KITTI's odometry archives"
@@ -32,7 +32,9 @@ class OdometrySequence:
         """Reads calibration, times and poses. Raises UsageError."""
         refuse_options(options, "odometry sequences")
         if options.classes:
-            raise UsageError("--class means nothing to KITTI's odometry sequences, which have no objects; leave it out")
+            raise UsageError(
+                "--class means nothing to KITTI's odometry sequences, which have no objects; leave it out"
+            )
         self._folder = chosen_drive(source, _sequences(source), options.drive)
         self._options = options
         number = self._folder.resolve().name
@@ -89,7 +91,9 @@ class OdometrySequence:
 def _sequences(source: Path) -> dict[str, Path]:
     if (source / "velodyne").is_dir():
         return {source.resolve().name: source}
-    folders = [folder for folder in sorted((source / "sequences").iterdir()) if (folder / "velodyne").is_dir()]
+    folders = [
+        folder for folder in sorted((source / "sequences").iterdir()) if (folder / "velodyne").is_dir()
+    ]
     if not folders:
         raise UsageError(f"{source / 'sequences'} has no NN/velodyne; unpack KITTI's velodyne archive there")
     return {folder.name: folder for folder in folders}

@@ -46,7 +46,9 @@ class OxtsPoses:
     def _values(self, number: int) -> Float64:
         file = self._folder / "data" / f"{number:010d}.txt"
         if not file.is_file():
-            raise AdvpipeError(f"{file} is missing; {_FIX}, or remove the folder oxts to import without poses")
+            raise AdvpipeError(
+                f"{file} is missing; {_FIX}, or remove the folder oxts to import without poses"
+            )
         rows = read_number_rows(file, _VALUES, _FIX)
         if len(rows) != 1 or not abs(rows[0, 0]) < 90:
             raise AdvpipeError(f"{file}: does not hold one fix of {_VALUES} numbers; {_FIX}")

@@ -15,12 +15,13 @@ from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, transform_points
 from advpipe.pipeline.kitti.calibration import CAMERAS, LABELLED_CAMERA, KittiCalibration
 from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers
+from advpipe.pipeline.kitti.object_label import camera_box, observation_angle
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
+from advpipe.stages.import_.folders import numbered_clouds, read_cloud
 from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.kitti.choose import chosen_drive, refuse_options
-from advpipe.stages.import_.folders import numbered_clouds, read_cloud
 from advpipe.stages.import_.kitti.oxts import OxtsPoses
 from advpipe.stages.import_.kitti.tracklets import Tracklet, at_frame, read_tracklets
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
@@ -147,12 +148,14 @@ class RawDrive:
         for tracklet, place in present:
             rectangle = project_box(image_P_lidar, tracklet.boxes[place], *self._size_px)
             if rectangle is not None:
+                _, bottom_m, rotation_y_rad = camera_box(tracklet.boxes[place], self._calibration)
                 yield ImageLabel(
                     tracklet.id,
                     tracklet.class_name,
                     rectangle.edges_px,
                     rectangle.truncation,
                     tracklet.occlusion[place],
+                    observation_angle(bottom_m, rotation_y_rad),
                 )
 
     def _uncached_map_SE3_lidar(self, number: int) -> Float64:
@@ -182,7 +185,9 @@ def _time_stamps(file: Path, last: int) -> list[int]:
     for number, line in enumerate(read_text(file).splitlines(), 1):
         match = _STAMP.fullmatch(line.strip())
         if line.strip() and match is None:
-            raise AdvpipeError(f"{file}: line {number} is no time stamp; restore the file from the drive's archive")
+            raise AdvpipeError(
+                f"{file}: line {number} is no time stamp; restore the file from the drive's archive"
+            )
         # A frame without a cloud has an empty line.
         stamps_ns.append(int(np.datetime64("T".join(match.groups()), "ns").astype(np.int64)) if match else -1)
     if len(stamps_ns) <= last:
@@ -201,7 +206,8 @@ def _read_calibration(date: Path) -> tuple[KittiCalibration, tuple[int, int]]:
             raise UsageError(f"{file} is missing; {_CALIBRATION_FIX}")
     cam, velo, imu = map(read_keyed_numbers, files)
     projections = {
-        camera: matrix_of(cam, f"P_rect_{camera:02d}", (3, 4), files[0], _CALIBRATION_FIX) for camera in CAMERAS
+        camera: matrix_of(cam, f"P_rect_{camera:02d}", (3, 4), files[0], _CALIBRATION_FIX)
+        for camera in CAMERAS
     }
     size = matrix_of(cam, f"S_rect_{LABELLED_CAMERA:02d}", (2,), files[0], _CALIBRATION_FIX)
     calibration = KittiCalibration(
