@@ -23,8 +23,9 @@ _FIX = "restore it from KITTI's calibration archive"
 class KittiCalibration:
     """How the LiDAR's points come to pixels: P_i @ R0_rect @ Tr_velo_to_cam.
 
-    projections: P_i (3, 4) by camera, from the rectified frame of camera 0 to pixels. rectification_R: R0_rect
-    (3, 3). camera_SE3_lidar: Tr_velo_to_cam (4, 4), to camera 0. lidar_SE3_imu: Tr_imu_to_velo (4, 4).
+    projections: P_i (3, 4) by camera, from the rectified frame of camera 0 to pixels. rectification_R:
+    R0_rect (3, 3). camera_SE3_lidar: Tr_velo_to_cam (4, 4), to camera 0. lidar_SE3_imu: Tr_imu_to_velo, the
+    same way.
 
     Both rotations are as exact as the seven digits of KITTI's files, so that their inverses are computed as
     those of any matrix, as OpenPCDet does.
@@ -73,7 +74,7 @@ def read_object_calibration(file: Path) -> KittiCalibration:
 
 
 def format_object_calibration(calibration: KittiCalibration) -> str:
-    """The text of calib/NNNNNN.txt, with the thirteen digits of KITTI; a missing camera has those of camera 2."""
+    """The text of calib/NNNNNN.txt, with KITTI's thirteen digits; a missing camera has camera 2's values."""
     fallback = calibration.projections[LABELLED_CAMERA]
     lines = {f"P{camera}": calibration.projections.get(camera, fallback) for camera in CAMERAS}
     lines["R0_rect"] = calibration.rectification_R

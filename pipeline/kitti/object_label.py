@@ -25,10 +25,10 @@ _NO_BOX = (-1.0, -1.0, -1.0, -1000.0, -1000.0, -1000.0, -10.0)
 class ObjectLabel:
     """One object, with the fifteen values of KITTI's object benchmark.
 
-    truncation: share outside the image. occlusion: 0 visible, 1 partly, 2 largely occluded, 3 unknown. alpha_rad:
-    observation angle. edges_px: left, top, right, bottom in the image of camera 2. size_m: height, width, length.
-    bottom_m: centre of the bottom face (3,), and rotation_y_rad about the y axis, in the rectified frame of camera
-    0. Without a 3D box the sizes are not positive.
+    truncation: share outside the image. occlusion: 0 visible, 1 partly, 2 largely occluded, 3 unknown.
+    alpha_rad: observation angle. edges_px: left, top, right, bottom in the image of camera 2. size_m: height,
+    width, length. bottom_m: centre of the bottom face (3,), and rotation_y_rad about the y axis, in the
+    rectified frame of camera 0. Without a 3D box the sizes are not positive.
     """
 
     class_name: str

@@ -19,7 +19,7 @@ _EDGES += [(i + 4, j + 4) for i, j in _EDGES] + [(i, i + 4) for i in range(4)]
 
 @dataclass(frozen=True)
 class ImageRectangle:
-    """edges_px: left, top, right, bottom inside the image. truncation: share of the whole rectangle outside it."""
+    """edges_px: left, top, right, bottom inside the image. truncation: share of the whole outside it."""
 
     edges_px: tuple[float, float, float, float]
     truncation: float

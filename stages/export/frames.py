@@ -20,7 +20,7 @@ VALIDATION_SHARE = 0.2
 
 @dataclass(frozen=True)
 class BagSelection:
-    """The bags that are exported. clean: of which the labels are. attacked: by name, those with other clouds."""
+    """clean: the one with the labels. attacked: those with other clouds, by name."""
 
     clean_name: str
     clean: Path
@@ -59,21 +59,21 @@ def attacked_clouds(
 ) -> Iterator[tuple[str, Cloud]]:
     """The clouds of an adversarial bag by the names of the clean frames with their stamps.
 
-    names: by stamp. Frames that were not chosen are skipped; an adversarial bag may lack some. Raises AdvpipeError
-    for a cloud of no clean frame.
+    names: by stamp. Frames that were not chosen are skipped; an adversarial bag may lack some. Raises
+    AdvpipeError for a cloud of no clean frame.
     """
     for frame in track(read_frames(bag, lidar_topic=options.lidar_topic), f"exporting {bag.name}"):
         if frame.stamp_ns in names:
             yield names[frame.stamp_ns], frame.cloud
         elif options.frames == ALL_FRAMES:
             raise AdvpipeError(
-                f"{bag} has a cloud of {frame.stamp_ns} ns and the clean bag has none: it was made from another "
-                "bag; attack the clean bag again, or export one bag alone"
+                f"{bag} has a cloud of {frame.stamp_ns} ns and the clean bag has none: it was made from "
+                "another bag; attack the clean bag again, or export one bag alone"
             )
 
 
 def write_splits(folder: Path, names: Sequence[str], validation: Sequence[str]) -> None:
-    """ImageSets/train.txt and val.txt of the frames `names`, those in `validation` in the second; trainval.txt."""
+    """Write ImageSets of the frames `names`: val.txt of those in `validation`, train.txt, trainval.txt."""
     sets = folder / "ImageSets"
     sets.mkdir(parents=True)
     chosen = {

@@ -62,9 +62,10 @@ for sets in sorted(here.parent.glob("*/ImageSets")):
 _README = """\
 # Bags of advpipe as custom data sets of OpenPCDet
 
-Each folder with `points/`, `labels/` and `ImageSets/` is a data set: {folders}. A frame has the same name and labels in
-each. `points/*.npy` hold x, y, z and intensity as float32 in the LiDAR's frame; a line of `labels/*.txt` has x y z dx dy
-dz heading class, in metres and radians, with every digit. `ImageSets/val.txt` lists the last fifth of the frames.
+Each folder with `points/`, `labels/` and `ImageSets/` is a data set: {folders}. A frame has the same name
+and labels in each. `points/*.npy` hold x, y, z and intensity as float32 in the LiDAR's frame; a line of
+`labels/*.txt` has x y z dx dy dz heading class, in metres and radians, with every digit.
+`ImageSets/val.txt` lists the last fifth of the frames.
 
 From OpenPCDet's folder `tools`, with EXPORT for this folder; the last line tests on an attacked copy:
 

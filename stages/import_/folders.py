@@ -24,8 +24,8 @@ def numbered_clouds(folder: Path, digits: int) -> list[int]:
     for name in names:
         if not (name.isascii() and name.isdigit() and len(name) == digits):
             raise UsageError(
-                f"{folder / name}.bin: KITTI names its clouds by {digits} digits; remove it, or import the folder "
-                "as `files`"
+                f"{folder / name}.bin: KITTI names its clouds by {digits} digits; remove it, or import the "
+                "folder as `files`"
             )
     return [int(name) for name in names]
 

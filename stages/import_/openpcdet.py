@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class OpenPcdetForm(DriveForm):
 
     title = "OpenPCDet's custom data sets"
     takes = ("split", "interval_s", "lidar_height_m", "columns", "scale_intensity", "classes")
-    classes = {
+    classes: ClassVar[Mapping[str, str]] = {
         "Car": "car",
         "Vehicle": "car",
         "Truck": "truck",
@@ -135,8 +136,8 @@ class PointFolders:
         if getattr(table, "ndim", 0) != 2 or table.shape[1] != len(columns) or table.dtype.kind not in "fiu":
             shape = getattr(table, "shape", None)
             raise AdvpipeError(
-                f"{file}: holds {shape} of {table.dtype if shape is not None else 'several arrays'}, not a table of "
-                f"{len(columns)} columns ({','.join(columns)}); name its columns by --columns"
+                f"{file}: holds {'several arrays' if shape is None else f'{shape} of {table.dtype}'}, not a table "
+                f"of {len(columns)} columns ({','.join(columns)}); name its columns by --columns"
             )
         scale = self._options.scale_intensity
         return cloud_of_columns(table, columns, 1.0 if scale is None else scale)

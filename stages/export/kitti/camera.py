@@ -43,8 +43,8 @@ class CameraAtFrame:
 class LabelCamera:
     """Looks up the camera at the instants of clouds, asked for in time order.
 
-    Where the bag has the calibration of `camera_2`, as an import of KITTI leaves it, this is taken, with what was
-    labelled in its images; else all four cameras are one virtual camera that looks forward.
+    Where the bag has the calibration of `camera_2`, as an import of KITTI leaves it, this is taken, with what
+    was labelled in its images; else all four cameras are one virtual camera that looks forward.
     """
 
     def __init__(self, bag: Path, lidar_topic: str | None) -> None:

@@ -119,7 +119,7 @@ def _write_attacked(
 
 
 def write_velodyne(file: Path, cloud: Cloud) -> None:
-    """x, y, z and intensity of each point, little-endian float32; KITTI knows no ring and no time of a point."""
+    """Write x, y, z and intensity as little-endian float32; KITTI knows no ring and no time of a point."""
     xyzi(cloud).astype("<f4", copy=False).tofile(file)
 
 

@@ -66,10 +66,10 @@ test_evaluator = dict(ann_file=data_root + 'kitti_infos_val.pkl')
 _README = """\
 # {count} of advpipe in KITTI's form
 
-Each folder with `training/` and `ImageSets/` is a data set of KITTI's object benchmark: {folders}. A frame has the
-same name, labels and calibration in each. `velodyne/*.bin` hold x, y, z and intensity as float32; labels are rounded
-to .01; `image_2` holds black pictures, from which toolboxes read the size. `ImageSets/val.txt` lists the last fifth of
-the frames, `trainval.txt` all of them.
+Each folder with `training/` and `ImageSets/` is a data set of KITTI's object benchmark: {folders}.
+A frame has the same name, labels and calibration in each. `velodyne/*.bin` hold x, y, z and intensity as
+float32; labels are rounded to .01; `image_2` holds black pictures, from which toolboxes read the size.
+`ImageSets/val.txt` lists the last fifth of the frames, `trainval.txt` all of them.
 
 ## OpenPCDet
 
@@ -82,15 +82,16 @@ From its folder `tools`, with EXPORT for this folder; the last line tests on an 
     python test.py --cfg_file ../data/advpipe/openpcdet/second.yaml --ckpt CHECKPOINT \\
         --set DATA_CONFIG.DATA_PATH ../data/advpipe/{example}
 
-Add `DATA_CONFIG.INFO_PATH.test kitti_infos_trainval.pkl DATA_CONFIG.DATA_SPLIT.test trainval` after `--set` to test on
-all frames.
+Add `DATA_CONFIG.INFO_PATH.test kitti_infos_trainval.pkl DATA_CONFIG.DATA_SPLIT.test trainval` after `--set`
+to test on all frames.
 
 ## MMDetection3D
 
 From its folder, again with EXPORT for this one, and for each folder that is used:
 
     ln -s EXPORT data/advpipe
-    python tools/create_data.py kitti --root-path data/advpipe/{clean} --out-dir data/advpipe/{clean} --extra-tag kitti
+    python tools/create_data.py kitti --root-path data/advpipe/{clean} --out-dir data/advpipe/{clean} \\
+        --extra-tag kitti
     python tools/train.py data/advpipe/mmdet3d/second.py
     python tools/test.py data/advpipe/mmdet3d/second.py CHECKPOINT
     python tools/test.py data/advpipe/mmdet3d/second.py CHECKPOINT --cfg-options \\

@@ -40,7 +40,7 @@ def lidar_mount(height_m: float | None) -> tuple[str, str, Float64]:
 
 
 def camera_mounts(calibration: KittiCalibration) -> list[tuple[str, str, Float64]]:
-    """LiDAR, camera and lidar_SE3_camera of each camera; the rotation is that of camera 0 before rectification.
+    """LiDAR, camera and lidar_SE3_camera of each camera, turned as camera 0 is before its rectification.
 
     The optical centre of camera i lies where its projection has no image; the rotations of the others before
     their rectification are known in raw drives alone, whose pictures are rectified too.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.stages.import_.drive import DriveSource
@@ -19,11 +21,12 @@ class KittiForm(DriveForm):
     title = "KITTI: object, raw (synchronised) and odometry"
     licence = "CC-BY-NC-SA-3.0"
     citation = (
-        "A. Geiger, P. Lenz, R. Urtasun: Are we ready for Autonomous Driving? The KITTI Vision Benchmark Suite, "
-        "CVPR 2012; A. Geiger, P. Lenz, C. Stiller, R. Urtasun: Vision meets Robotics: The KITTI Dataset, IJRR 2013"
+        "A. Geiger, P. Lenz, R. Urtasun: Are we ready for Autonomous Driving? The KITTI Vision Benchmark "
+        "Suite, CVPR 2012; A. Geiger, P. Lenz, C. Stiller, R. Urtasun: Vision meets Robotics: The KITTI "
+        "Dataset, IJRR 2013"
     )
     takes = ("drive", "split", "interval_s", "lidar_height_m", "scale_intensity", "classes")
-    classes = {
+    classes: ClassVar[Mapping[str, str]] = {
         "Car": "car",
         "Van": IGNORED,  # KITTI's evaluation counts a van found as a car neither way
         "Truck": "truck",

@@ -72,7 +72,7 @@ class ObjectFrames:
 
     def _vehicle(self, name: str) -> VehicleFrame:
         calibration = read_object_calibration(self._folder / "calib" / f"{name}.txt")
-        size_px = self._size_px[name] if name in self._size_px else cameras.USUAL_SIZE_PX
+        size_px = self._size_px.get(name, cameras.USUAL_SIZE_PX)
         cloud = read_cloud(self._folder / "velodyne" / f"{name}.bin", self._options.scale_intensity)
         mounts = cameras.camera_mounts(calibration)
         if not self._is_labelled:
@@ -128,7 +128,7 @@ class ObjectFrames:
 def known_objects(
     objects: Sequence[ObjectLabel], classes: Mapping[str, str], file: Path
 ) -> list[ObjectLabel]:
-    """The objects but those to be dropped. Raises AdvpipeError for an unknown class, and for a missing box."""
+    """The objects but those to be dropped. Raises AdvpipeError for an unknown class and a missing box."""
     kept = []
     for each in objects:
         if each.class_name not in classes:

@@ -23,7 +23,7 @@ _FIX = "restore it from KITTI's odometry archives"
 class OdometrySequence:
     """One sequence, with the poses where they are published (00 to 10).
 
-    Its map starts at the base of the first frame: x forward, y left, z along the LiDAR's z, which need not be up.
+    Its map starts at the base of the first frame: x forward, y left, z along the LiDAR's z, not exactly up.
     """
 
     are_related = True

@@ -170,7 +170,7 @@ class RawDrive:
             if each.class_name not in self._classes:
                 raise UsageError(
                     f"{file}: unknown class {each.class_name!r}; say what it is: "
-                    f"--class '{each.class_name}=car' (or another of {', '.join(CLASSES)}, {IGNORED}, {DROPPED})"
+                    f"--class '{each.class_name}=car' (or one of {', '.join(CLASSES)}, {IGNORED}, {DROPPED})"
                 )
         return [each for each in tracklets if self._classes[each.class_name] != DROPPED]
 
@@ -192,8 +192,8 @@ def _time_stamps(file: Path, last: int) -> list[int]:
         stamps_ns.append(int(np.datetime64("T".join(match.groups()), "ns").astype(np.int64)) if match else -1)
     if len(stamps_ns) <= last:
         raise AdvpipeError(
-            f"{file}: {len(stamps_ns)} time stamps, but there is a cloud {last:010d}.bin; restore both from the "
-            "drive's archive"
+            f"{file}: {len(stamps_ns)} time stamps, but there is a cloud {last:010d}.bin; restore both from "
+            "the drive's archive"
         )
     return stamps_ns
 

@@ -22,8 +22,8 @@ _FIX = "restore it from the drive's tracklet archive, or remove it to import wit
 class Tracklet:
     """One object over frames that follow one another.
 
-    number: place in the file. boxes: (K, 7) in the LiDAR's frame, upright there. occlusion: of each frame, 0 to 2,
-    -1 where it was not set.
+    number: place in the file. boxes: (K, 7) in the LiDAR's frame, upright there. occlusion: of each frame, 0
+    to 2, -1 where it was not set.
     """
 
     number: int
