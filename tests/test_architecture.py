@@ -21,7 +21,7 @@ PUBLIC = ("bag", "commands", "networks")
 LAYERS = (
     {"core"},
     {"process", "geometry", "mcap", "metrics"},
-    {"localisation"},
+    {"kitti", "localisation"},
     {"v2x", "misbehaviour"},
     {"messages"},
     {"sensors"},

@@ -81,7 +81,7 @@ class GroundTruth:
 
     def boxes(self, stamp_ns: int, lidar_frame: str) -> Boxes:
         """The boxes with this header stamp, in the LiDAR's frame; all their messages were taken before."""
-        self._forget_before(stamp_ns)
+        self.forget_before(stamp_ns)
         if stamp_ns not in self._boxes:
             raise AdvpipeError(self._without_boxes(stamp_ns))
         frame_id, boxes = self._boxes[stamp_ns]
@@ -151,7 +151,8 @@ class GroundTruth:
                 # The true pose wins over an estimate on /tf.
                 moving.setdefault(transform.child_frame_id, _parent_and_pose(transform))
 
-    def _forget_before(self, stamp_ns: int) -> None:
+    def forget_before(self, stamp_ns: int) -> None:
+        """Forget what no cloud from this stamp on needs."""
         for by_stamp in (self._boxes, self._velocities, self._moving, self._ignored, self._coverage):
             for old in [stamp for stamp in by_stamp if stamp < stamp_ns - LATENCY_NS]:
                 del by_stamp[old]

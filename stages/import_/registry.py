@@ -8,8 +8,13 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import import_object
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.import_.form import DriveForm
+from advpipe.stages.import_.kitti.form import KittiForm
+from advpipe.stages.import_.openpcdet import OpenPcdetForm
 
-FORMS: Mapping[str, DriveForm] = {}
+FORMS: Mapping[str, DriveForm] = {
+    "kitti": KittiForm(),
+    "openpcdet": OpenPcdetForm(),
+}
 
 
 def find_form(name: str) -> DriveForm:
