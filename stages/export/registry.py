@@ -5,5 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from advpipe.stages.export.form import ExportForm
+from advpipe.stages.export.nuscenes.form import NuscenesExport
+from advpipe.stages.export.opv2v.form import Opv2vExport
 
-EXPORT_FORMS: Mapping[str, ExportForm] = {}
+EXPORT_FORMS: Mapping[str, ExportForm] = {
+    "nuscenes": NuscenesExport(),
+    "opv2v": Opv2vExport(),
+}
