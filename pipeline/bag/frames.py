@@ -19,7 +19,7 @@ from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.messages.cloud import Cloud, StampedCloud
 from advpipe.pipeline.messages.topics import VehicleTopics
 
 __all__ = [
@@ -116,15 +116,29 @@ def read_frames(
     The ground truth of a cloud is the message with the same header stamp. Its boxes are brought to the
     LiDAR's frame through /tf_static and the true odometry or /tf.
     """
+    return (
+        Frame(index, scan.stamp_ns, scan.cloud, *counted_truth(truth, scan.stamp_ns, scan.frame_id))
+        for index, scan, truth in read_clouds(path, chosen, lidar_topic=lidar_topic)
+    )
+
+
+CloudWithTruth = tuple[int, StampedCloud, "GroundTruth | None"]
+"""The number of a cloud in its bag, the cloud, and what gives the truth at its stamp, if the bag has it."""
+
+
+def read_clouds(
+    path: Path, chosen: FrameSlice = ALL_FRAMES, *, lidar_topic: str | None = None
+) -> Iterator[CloudWithTruth]:
+    """The same with the truth in any frame: ask for it before the next cloud is read."""
     reader = BagReader(path)
     topic = find_lidar_topic(reader, lidar_topic)
     if not reader.topics[topic].count:
         raise UsageError(f"{path} holds no LiDAR clouds ({topic} is empty)")
     indices = chosen.indices(reader.topics[topic].count)
-    return _frames(reader, topic, indices)
+    return _clouds(reader, topic, indices)
 
 
-def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
+def _clouds(reader: BagReader, topic: str, indices: range) -> Iterator[CloudWithTruth]:
     topics = vehicle_topics(topic)
     objects = objects_topic(reader, topics)
     truth = GroundTruth(reader, topics, objects) if objects else None
@@ -136,8 +150,7 @@ def _frames(reader: BagReader, topic: str, indices: range) -> Iterator[Frame]:
         index, seen = int(np.searchsorted(times_ns, first_ns)), 0
         for raw in _with_truth(reader, topic, truth, (first_ns, last_ns), latency_ns):
             if index in run:
-                stamp_ns, frame_id, cloud = reader.cloud(raw)
-                yield Frame(index, stamp_ns, cloud, *counted_truth(truth, stamp_ns, frame_id))
+                yield index, reader.cloud(raw), truth
                 seen += 1
             index += 1
         if seen != len(run):

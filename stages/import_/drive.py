@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.regions import LabelCoverage
@@ -40,7 +41,8 @@ class VehicleFrame:
     clouds: by the LiDAR's name. boxes: in the frame `boxes_frame`; None where the instant is not labelled.
     ignored, coverage: in the same frame. map_SE3_base: pose of `<vehicle>/base_link`, None where unknown.
     cameras: by name. transforms: parent, child, parent_SE3_child of frames that differ from instant to
-    instant, besides the pose.
+    instant, besides the pose. lidar_points: (M,), on each box as the source counts them; None where it does
+    not.
     """
 
     clouds: Mapping[str, Cloud]
@@ -51,6 +53,7 @@ class VehicleFrame:
     map_SE3_base: Float64 | None = None
     cameras: Mapping[str, CameraView] = field(default_factory=dict)
     transforms: Sequence[tuple[str, str, Float64]] = ()
+    lidar_points: npt.NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True)

@@ -136,8 +136,8 @@ class PointFolders:
         if getattr(table, "ndim", 0) != 2 or table.shape[1] != len(columns) or table.dtype.kind not in "fiu":
             shape = getattr(table, "shape", None)
             raise AdvpipeError(
-                f"{file}: holds {'several arrays' if shape is None else f'{shape} of {table.dtype}'}, not a table "
-                f"of {len(columns)} columns ({','.join(columns)}); name its columns by --columns"
+                f"{file}: holds {'several arrays' if shape is None else f'{shape} of {table.dtype}'}, not a "
+                f"table of {len(columns)} columns ({','.join(columns)}); name its columns by --columns"
             )
         scale = self._options.scale_intensity
         return cloud_of_columns(table, columns, 1.0 if scale is None else scale)

@@ -47,7 +47,7 @@ def _vehicle_messages(name: str, vehicle: VehicleFrame, stamp_ns: int) -> Iterat
     own, frame_id = VehicleTopics(name), vehicle.boxes_frame
     if vehicle.boxes is not None:
         yield _stamped(own.objects, build.detections_message(stamp_ns, frame_id, vehicle.boxes), stamp_ns)
-        if np.isfinite(vehicle.boxes.velocity_mps).any():
+        if vehicle.lidar_points is not None or np.isfinite(vehicle.boxes.velocity_mps).any():
             yield _stamped(own.road_users, _road_users(vehicle, vehicle.boxes, stamp_ns), stamp_ns)
         yield _stamped(own.ignored_objects, ignored_message(stamp_ns, frame_id, vehicle.ignored), stamp_ns)
         if vehicle.coverage.labelled or vehicle.coverage.ignored:
@@ -64,10 +64,12 @@ def _vehicle_messages(name: str, vehicle: VehicleFrame, stamp_ns: int) -> Iterat
 
 
 def _road_users(vehicle: VehicleFrame, boxes: Boxes, stamp_ns: int) -> Any:
-    """Velocities, and the LiDAR points in each box where it is given in a LiDAR's frame, else 0."""
+    """Velocities, and the LiDAR points on each box: the source's count, or ours in a LiDAR's frame, or 0."""
     own_lidar = vehicle.boxes_frame.rpartition("/")[2]
     counts = np.zeros(len(boxes), np.int64)
-    if own_lidar in vehicle.clouds:
+    if vehicle.lidar_points is not None:
+        counts = vehicle.lidar_points
+    elif own_lidar in vehicle.clouds:
         counts = count_points(xyz(vehicle.clouds[own_lidar]), boxes.geometry)
     return build.road_users(stamp_ns, vehicle.boxes_frame, boxes, counts, np.full(len(boxes), np.nan))
 

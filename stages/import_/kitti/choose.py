@@ -6,22 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.stages.import_.named_files import chosen_drive
 from advpipe.stages.import_.options import ImportOptions
 
 
-def chosen_drive(source: Path, drives: Mapping[str, Path], drive: str | None) -> Path:
-    """The folder of the drive named `drive`, or of the only one. Raises UsageError, which lists them."""
-    if drive is None:
-        if len(drives) == 1:
-            return next(iter(drives.values()))
-        raise UsageError(
-            f"{source} holds {len(drives)} drives; choose one by --drive: {', '.join(sorted(drives))}"
-        )
-    matching = [name for name in drives if drive in (name, _number(name))]
-    if len(matching) != 1:
-        what = "no drive" if not matching else f"{len(matching)} drives"
-        raise UsageError(f"{source} holds {what} named {drive!r}; choose one of {', '.join(sorted(drives))}")
-    return drives[matching[0]]
+def chosen_folder(source: Path, drives: Mapping[str, Path], drive: str | None) -> Path:
+    """The folder of the drive named `drive`, also by its number alone, or of the only one.
+
+    Raises UsageError, which lists them.
+    """
+    by_number = [name for name in drives if drive is not None and drive == _number(name)]
+    wanted = by_number[0] if len(by_number) == 1 else drive
+    return drives[chosen_drive(source, "drive", sorted(drives), wanted)]
 
 
 def refuse_options(options: ImportOptions, form: str) -> None:

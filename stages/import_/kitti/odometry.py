@@ -14,7 +14,7 @@ from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers, r
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 from advpipe.stages.import_.folders import numbered_clouds, read_cloud
 from advpipe.stages.import_.kitti import cameras
-from advpipe.stages.import_.kitti.choose import chosen_drive, refuse_options
+from advpipe.stages.import_.kitti.choose import chosen_folder, refuse_options
 from advpipe.stages.import_.options import ImportOptions
 
 _FIX = "restore it from KITTI's odometry archives"
@@ -35,7 +35,7 @@ class OdometrySequence:
             raise UsageError(
                 "--class means nothing to KITTI's odometry sequences, which have no objects; leave it out"
             )
-        self._folder = chosen_drive(source, _sequences(source), options.drive)
+        self._folder = chosen_folder(source, _sequences(source), options.drive)
         self._options = options
         number = self._folder.resolve().name
         self.name = f"sequence {number}"

@@ -21,7 +21,7 @@ from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 from advpipe.stages.import_.folders import numbered_clouds, read_cloud
 from advpipe.stages.import_.kitti import cameras
-from advpipe.stages.import_.kitti.choose import chosen_drive, refuse_options
+from advpipe.stages.import_.kitti.choose import chosen_folder, refuse_options
 from advpipe.stages.import_.kitti.oxts import OxtsPoses
 from advpipe.stages.import_.kitti.tracklets import Tracklet, at_frame, read_tracklets
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
@@ -50,7 +50,7 @@ class RawDrive:
     def __init__(self, source: Path, options: ImportOptions, classes: Mapping[str, str]) -> None:
         """Reads the calibration, the time stamps and the tracklets. Raises UsageError."""
         refuse_options(options, "raw drives")
-        self._folder = chosen_drive(source, raw_drives(source), options.drive)
+        self._folder = chosen_folder(source, raw_drives(source), options.drive)
         self._options, self._classes = options, classes
         self.name = self._folder.resolve().name
         self._numbers = numbered_clouds(self._folder / "velodyne_points" / "data", 10)

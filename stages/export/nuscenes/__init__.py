@@ -1,0 +1,1 @@
+"""Bags as data sets in the form of nuScenes."""

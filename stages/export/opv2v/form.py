@@ -1,0 +1,101 @@
+"""Writes bags in OPV2V's form, which OpenCOOD reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from advpipe.pipeline.bag.carried import lidar_topics
+from advpipe.pipeline.bag.frames import find_lidar_topic, vehicle_topics
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
+from advpipe.stages.export.opv2v.frame import write_frame
+from advpipe.stages.export.opv2v.ids import Numbers
+from advpipe.stages.export.opv2v.ticks import Ticks
+from advpipe.stages.export.recorded import drive_name, recorded_frames
+
+NAMES = "ids.json"
+"""Beside the agents' folders: our ids by the numbers that stand for them."""
+
+
+class Opv2vExport(ExportForm):
+    """A folder of scenarios for each bag (`clean`, and each attack's id), each with one scenario.
+
+    Every vehicle with a LiDAR is an agent; `ego` has the number 0, which OpenCOOD takes for ego. Agents,
+    objects and frames have the same numbers in all bags.
+    """
+
+    title: ClassVar[str] = "OPV2V"
+
+    def write(self, bags: Mapping[str, Path], folder: Path, options: ExportOptions) -> ExportSummary:
+        """Write the bags. Raises AdvpipeError for one without boxes or poses."""
+        first = next(iter(bags.values()))
+        topics = _topics(first, options.lidar_topic)
+        numbers = Numbers(vehicle_topics(topic).vehicle for topic in topics)
+        writer = _Writer(numbers, Ticks())
+        scenario = drive_name(bags)
+        for name, bag in bags.items():
+            has = BagReader(bag).topics
+            for topic in (topic for topic in topics if topic in has):
+                number = numbers.of(vehicle_topics(topic).vehicle)
+                chosen = ALL_FRAMES if writer.ticks else options.frames
+                writer.write(bag, topic, chosen, folder / name / scenario / str(number))
+        for name in bags:
+            text = json.dumps(numbers.names(), indent=1) + "\n"
+            (folder / name / scenario / NAMES).write_text(text, encoding="utf-8")
+        note = f"OpenCOOD opens each of {', '.join(bags)} as root_dir or validate_dir."
+        return ExportSummary(
+            folder, "opv2v", len(bags), writer.frames, writer.objects, (note, *sorted(writer.notes))
+        )
+
+
+class _Writer:
+    """Writes agents; the ticks are those of the first one."""
+
+    def __init__(self, numbers: Numbers, ticks: Ticks) -> None:
+        self.numbers, self.ticks = numbers, ticks
+        self.frames = self.objects = 0
+        self.notes: set[str] = set()
+
+    def write(self, bag: Path, topic: str, chosen: FrameSlice, folder: Path) -> None:
+        folder.mkdir(parents=True)
+        is_first = not self.ticks
+        before = self.frames
+        for frame in recorded_frames(bag, topic, chosen, None if is_first else self.ticks):
+            if not frame.has_pose:
+                raise AdvpipeError(f"{bag}: no transform says where {topic} is in the map; OPV2V needs poses")
+            if is_first:
+                self.ticks.add(frame.stamp_ns)
+            if len(frame.ignored):
+                self.notes.add("Objects that count neither way are left out, since this form has none.")
+            if frame.covers_view_only:
+                self.notes.add("Only a part of the surroundings is labelled, which this form cannot say.")
+            write_frame(folder / self.ticks.name(frame.stamp_ns), frame, self.numbers)
+            self.frames += 1
+            self.objects += len(frame.boxes)
+        if self.frames == before:
+            raise AdvpipeError(
+                f"{bag}: no cloud of {topic} has the stamp of another vehicle's; name one LiDAR"
+            )
+        self.notes |= self.ticks.notes
+
+
+def _topics(bag: Path, lidar_topic: str | None) -> Sequence[str]:
+    """The LiDAR of each vehicle, `ego` first: its `lidar`, or the first by name."""
+    reader = BagReader(bag)
+    if lidar_topic is not None:
+        return [find_lidar_topic(reader, lidar_topic)]
+    chosen: dict[str, str] = {}
+    for topic in lidar_topics(reader):
+        own = vehicle_topics(topic)
+        if own.lidar == "lidar":
+            chosen[own.vehicle] = topic
+        else:
+            chosen.setdefault(own.vehicle, topic)
+    if not chosen:
+        return [find_lidar_topic(reader)]  # which raises
+    return [chosen[vehicle] for vehicle in sorted(chosen, key=lambda vehicle: (vehicle != "ego", vehicle))]

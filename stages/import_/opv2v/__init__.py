@@ -1,0 +1,1 @@
+"""OPV2V: scenarios of several vehicles, simulated with CARLA."""
