@@ -146,12 +146,14 @@ def figures(section: str) -> str:
     """The meanings of a section's values, in the report's own words, with their keys in `report.json`."""
     from advpipe.stages.evaluate.cooperative import section as cooperative
     from advpipe.stages.evaluate.coordinated import section as coordinated
+    from advpipe.stages.evaluate.kitti import section as kitti
     from advpipe.stages.evaluate.localisation import section as localisation
     from advpipe.stages.evaluate.report.report import DEFINITIONS
     from advpipe.stages.evaluate.v2x import section as v2x
 
     formulas = {
         "detection": DEFINITIONS,
+        "kitti": kitti.FORMULAS,
         "localisation": localisation.FORMULAS,
         "v2x": v2x.FORMULAS,
         "cooperative": cooperative.FORMULAS,

@@ -13,6 +13,7 @@ from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.deprecated import DEPRECATED_KEYS, old_key
 from advpipe.pipeline.results.evaluation import SCHEMA
+from advpipe.pipeline.results.kitti import KittiRecord
 from advpipe.pipeline.results.listed import Flat, LeftOut, described_fields, key_of
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.metrics import CRITERIA, CloudMetrics, Precisions, RecountedMetrics
@@ -52,6 +53,7 @@ def report_schema() -> Schema:
         "attack_success": SuccessRecord,
         "baselines": BaselineRecord,
         "transfer": TransferRecord,
+        "kitti": KittiRecord,
         "localisation": LocalisationRecord,
         "v2x": V2xRecord,
         "cooperative": CooperativeRecord,

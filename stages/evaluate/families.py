@@ -14,6 +14,7 @@ from advpipe.stages.evaluate.cooperative.section import cooperative_sections as 
 from advpipe.stages.evaluate.coordinated.effects import DetectedFrames
 from advpipe.stages.evaluate.coordinated.section import coordinated_sections as coordinated
 from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.kitti.section import kitti_sections as kitti
 from advpipe.stages.evaluate.localisation.section import localisation_sections as localisation
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.report.clean import of_first_detector
@@ -44,6 +45,7 @@ def added_sections(
     if window.end_ns is not None:
         note = OF_WINDOW.format(length_s=(window.end_ns - window.begin_ns) / 1e9)
         sections = [replace(section, notes=(*section.notes, note)) for section in sections]
+    own_rules = kitti(clean, summaries, options)
     fused = cooperative(
         clean,
         adversarial,
@@ -53,7 +55,7 @@ def added_sections(
         frames=options.frames,
         lidar_topic=options.lidar_topic,
     )
-    return [*sections, *fused]
+    return [*own_rules, *sections, *fused]
 
 
 def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> dict[Path, DetectedFrames]:

@@ -39,6 +39,7 @@ REPORTING = (
     "pipeline/labels",
     "pipeline/messages",
     "pipeline/replay",
+    "pipeline/kitti",
     "pipeline/localisation",
     "pipeline/misbehaviour",
     "pipeline/scenario/attacks.py",

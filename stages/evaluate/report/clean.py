@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from advpipe.pipeline.results.metrics import Interval
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE, Precision
+from advpipe.stages.evaluate.detection.result import MIN_BLOCKS
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import (
-    MIN_BLOCKS,
     formatted_number,
     interval,
     no_interval,

@@ -9,6 +9,8 @@ from typing import ClassVar
 
 from advpipe.pipeline.bag.frames import Frame, has_ground_truth
 from advpipe.pipeline.kitti.calibration import format_object_calibration
+from advpipe.pipeline.kitti.frame_labels import frame_labels
+from advpipe.pipeline.kitti.label_camera import CameraAtFrame, LabelCamera
 from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
 from advpipe.stages.export.frames import (
@@ -19,8 +21,6 @@ from advpipe.stages.export.frames import (
     validation_names,
     write_splits,
 )
-from advpipe.stages.export.kitti.camera import CameraAtFrame, LabelCamera
-from advpipe.stages.export.kitti.frame_labels import frame_labels
 from advpipe.stages.export.kitti.toolboxes import write_kitti_configurations
 
 _SHARED = ("calib", "image_2", "label_2")

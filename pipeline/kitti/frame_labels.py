@@ -9,10 +9,10 @@ from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.geometry.boxes import CLASSES, count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
+from advpipe.pipeline.kitti.label_camera import CameraAtFrame
 from advpipe.pipeline.kitti.object_label import ObjectLabel, camera_box, observation_angle
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.messages.cloud import xyz
-from advpipe.stages.export.kitti.camera import CameraAtFrame
 
 PARTLY_OCCLUDED, LARGELY_OCCLUDED = 0.15, 0.5
 """Occluded share from which an object is partly and largely occluded; KITTI's annotators judged by eye."""

@@ -1,0 +1,1 @@
+"""KITTI's own rules, for drives that have its labels."""
