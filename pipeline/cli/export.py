@@ -49,7 +49,8 @@ def export(
     target = out or named.with_name(f"{named.stem if named.is_file() else named.name}-{format}")
     options = ExportOptions(lidar, FrameSlice.parse(frames))
     summary = export_bags(bag, format, target, options, overwrite=overwrite)
-    return Answer(summary.to_dicts()[0], print_line(summary))
+    shown = str(summary).removeprefix(f"{summary.folder}: ")
+    return Answer(summary.to_dicts()[0], print_line(shown), made={"folder": target})
 
 
 def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer:

@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.completion import form_names
-from advpipe.pipeline.cli.shared import Answer, Overwrite, cli_option, print_line
+from advpipe.pipeline.cli.shared import Answer, Overwrite, cli_option, print_line, typed
+from advpipe.pipeline.core.progress import with_progress
 from advpipe.stages.import_.options import FORM_NAMES, ImportOptions
 
 
+@with_progress("importing {source} as {form}")
 def import_command(
     form: Annotated[
         str,
@@ -70,5 +72,10 @@ def import_command(
         classes=mapping,
         overwrite=overwrite,
     )
-    document = {"data_set": summary.data_set, **summary.to_dicts()[0], "notes": list(summary.notes)}
-    return Answer(document, print_line(summary))
+    folder = summary.data_set
+    return Answer(
+        {"data_set": folder, **summary.to_dicts()[0], "notes": list(summary.notes)},
+        print_line(str(summary).removeprefix(f"{summary.bag}: ")),
+        made={"bag": summary.bag},
+        next_commands=[typed("evaluate", folder), typed("view", folder)],
+    )

@@ -17,7 +17,7 @@ from advpipe.pipeline.core.errors import OutputExistsError, as_usage_error
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.job_folder import job_folder
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
-from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
@@ -79,6 +79,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         indices = FrameSlice.parse(request.options.frames).indices(source.frame_count)
     description = _description(request, source, form.licence, form.citation)
     checks = DriveChecks(source.are_related)
+    plan_progress({f"importing {source.name}": 9, "writing the bag": 3})
     with (
         job_folder(out, f"{request} {source.frame_count} {PART_FRAMES}", results="[0-9]*") as job,
         staged_folder(out, overwrite, IMPORTED) as folder,
