@@ -61,5 +61,5 @@ def test_a_report_has_the_rules_only_for_a_drive_with_labels_of_images(
     rows = report.to_dicts("kitti")
     assert {row["condition"] for row in rows} == {"clean"}
     assert len(rows) == 3 * 3 * 4 * 2  # classes, difficulties, spaces with aos, sets of overlaps
-    assert "By KITTI's own rules" in (tmp_path / "report" / "report.html").read_text()
+    assert "own rules" in (tmp_path / "report" / "report.html").read_text()
     assert LabelCamera(copy_sample(tmp_path / "sample", overwrite=False), None).is_virtual
