@@ -193,7 +193,7 @@ def trajectory_bomb(folder: Path) -> Case:
 
 
 def zip_bomb(folder: Path) -> Case:
-    """A checkpoint of two megabytes that unpacks to more than two gigabytes."""
+    """A checkpoint of ten megabytes that unpacks to more than two gigabytes."""
     import zipfile
 
     with zipfile.ZipFile(folder / base.WEIGHTS / checkpoint.THEIRS) as file:

