@@ -169,7 +169,8 @@ def _of(rows: Sequence[Row], cloud: str, kind: str) -> list[Row]:
 def _are_on(detections: Sequence[Row], cloud: Cloud) -> bool:
     """Whether detections were made on this cloud: their boxes hold as many points as the report says."""
     boxes = np.array([[row[name] for name in BOX_COLUMNS] for row in detections]).reshape(-1, 7)
-    return bool(count_points(xyz(cloud), boxes).tolist() == [row["points"] for row in detections])
+    stated = np.array([row["points"] for row in detections])
+    return bool((count_points(xyz(cloud), boxes) == stated).all())
 
 
 def _score(truth: Row | None, scores: dict[int, float]) -> str:

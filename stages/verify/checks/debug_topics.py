@@ -165,11 +165,11 @@ def _claims(path: Path) -> Iterator[tuple[int, int, int, float, float]]:
         claims = [(row["sent_ns"], role, role) for role in (TRUE, FALSE) if is_sent]
         if row["action"] in (messages.DROPPED, messages.DELAYED):
             claims.append((row["time_ns"], NOT_SENT, FALSE if is_sent else TRUE))
-        ids = [row[f"{state}_station_id"] for state in (FALSE, TRUE)]
+        ids = (row["false_station_id"], row["true_station_id"])
+        station_id = ids[1] if ids[0] is None else ids[0]
         for time_ns, role, state in claims:
             x_m, y_m = row[f"{state}_x_m"], row[f"{state}_y_m"]
-            if x_m is not None and y_m is not None:
-                station_id = next(each for each in ids if each is not None)
+            if None not in (x_m, y_m, station_id):
                 yield time_ns, station_id % MOST_ID, _ROLES.index(role), x_m, y_m
 
 

@@ -242,7 +242,7 @@ def test_a_label_with_another_message_number_is_a_fault(
         field = original.schema.field(name)
         pq.write_table(original.set_column(index, field, pa.array(values, field.type)), path)
         found = verify(data_set / bag).findings
-        assert {finding.check for finding in found} == {"beside", check}, name
+        assert {finding.check for finding in found} - {"debug"} == {"beside", check}, name
     pq.write_table(original, path)
     assert {finding.check for finding in verify(data_set / bag).findings} <= {"beside"}
 
@@ -258,7 +258,7 @@ def test_a_missing_label_row_is_a_fault(data_set: Path, bag: str, table: str, ch
     path = data_set / bag / table
     rows = pq.read_table(path)
     pq.write_table(rows.slice(0, len(rows) - 1), path)
-    assert {finding.check for finding in verify(data_set / bag).findings} == {"beside", check}
+    assert {finding.check for finding in verify(data_set / bag).findings} - {"debug"} == {"beside", check}
 
 
 def test_a_label_with_another_action_is_a_fault(data_set: Path) -> None:

@@ -13,7 +13,7 @@ class Labels {
     this.box.replaceChildren();
     this.placed = [];
     for (const [number, { outcome, box }] of boxes) {
-      const button = element("button", `adv-label adv-${outcome}`, outcome);
+      const button = element("button", `adv-label adv-${outcome}`, outcome === "withheld" ? OUTCOMES[outcome] : outcome);
       button.type = "button";
       button.tabIndex = -1; // the list of objects is what the keyboard goes through
       button.addEventListener("click", () => this.onPick(number));

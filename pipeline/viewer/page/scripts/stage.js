@@ -20,6 +20,7 @@ class Stage {
     this.scale = 1; // of points and lines: thicker on a large canvas
     this.recolour();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
+    this.resize(); // the first view fits into the canvas as it is
   }
 
   recolour() {

@@ -2,6 +2,8 @@
 
 const VIEWS = { r: "reset", t: "top", e: "ego" };
 const PLAY_MS = 2600; // from the clean to the attacked cloud
+const NAMED = ["lost", "displaced", "believed", "claimed", "withheld"]; // outcomes with a label, the first before others
+const MOST_LABELS = 60;
 const FRAMES_PER_S = 5; // of a time line that plays
 
 class Viewer {
@@ -91,12 +93,13 @@ class Viewer {
     this.cloud.move(progress, this.stretch);
     this.boxes.move(progress, shown);
     this.ground.move(progress, shown);
+    const rank = ([number, { outcome }]) => (number === this.selected ? 0 : 1 + NAMED.indexOf(outcome));
     const named = [...this.scene.boxes.entries()].filter(
-      ([number, { outcome }]) => number === this.selected ||
-        (shown("truth") && progress >= 0.5 && (outcome === "lost" || outcome === "displaced")));
-    const rank = ([number, { outcome }]) => (number === this.selected ? 0 : outcome === "lost" ? 1 : 2);
+      ([number, box]) => number === this.selected ||
+        (NAMED.includes(box.outcome) && this.boxes.isShown(box, progress, shown) &&
+          (box.role === "claim" || progress >= 0.5)));
     named.sort((a, b) => rank(a) - rank(b)); // else the nearest first, as they come
-    this.labels.show(named.filter(([, box]) => OUTCOMES[box.outcome]), RINGS_M, this.scene.ground_z_m);
+    this.labels.show(named.slice(0, MOST_LABELS).filter(([, box]) => OUTCOMES[box.outcome]), RINGS_M, this.scene.ground_z_m);
     this.one("stretched").hidden = this.stretch === 1 || !this.scene.points.counts[MOVED];
     this.one("stretched").textContent = `displacements × ${this.stretch}`;
     this.stage.draw();
@@ -151,6 +154,7 @@ class Viewer {
       points.total[REMOVED] && ["removed", "hollow", `removed: ${count(REMOVED)}`],
       boxes.some(({ outcome }) => outcome === "changed") && ["added", "line", "received from the attack"],
       has("claim") && ["claim", "line", "marks of debug topics"],
+      has("claim", "withheld") && ["lost", "dashed", "not sent"],
       has("cam") && ["cam", "line", "CAMs"],
       has("ldm") && ["ldm", "dashed", "Local Dynamic Map"],
       ...["lane", "true", "believed"].map((kind) => lines.some((line) => line.kind === kind) && LINE_MARKS[kind]),
