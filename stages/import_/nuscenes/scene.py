@@ -120,7 +120,7 @@ class NuscenesScene:
         for sweep in self._records.sweeps:
             for annotation in (self._records.annotations or {}).get(sweep.sample_token, ()):
                 tracks[annotation.instance_token].append(annotation)
-        found = {}
+        found: dict[str, tuple[float, ...]] = {}
         for track in tracks.values():
             stamps_us = np.array([self._records.sample_stamps_us[each.sample_token] for each in track])
             velocities = track_velocities(stamps_us * 1000, [each.translation for each in track])
