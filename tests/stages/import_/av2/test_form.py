@@ -98,7 +98,7 @@ def test_sweeps_without_labels_are_left_out(tmp_path):
 
 def test_one_of_several_logs_is_chosen(log):
     write_av2(log.parent / "log-2")
-    with pytest.raises(UsageError, match="has 2 logs; choose one .*: log-1, log-2"):
+    with pytest.raises(UsageError, match=r"has 2 logs; choose one .*: log-1, log-2"):
         Av2Form().open(log.parent, ImportOptions())
     assert Av2Form().open(log.parent, ImportOptions(drive="log-2")).name == "log-2"
     with pytest.raises(UsageError, match="is one log"):

@@ -10,8 +10,8 @@ from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.geometry.carla import carla_from_se3, se3_from_carla
-from advpipe.stages.import_.opv2v.form import Opv2vForm
 from advpipe.stages.import_.options import ImportOptions
+from advpipe.stages.import_.opv2v.form import Opv2vForm
 from tests.stages.import_.importing import drive_frames, import_form
 from tests.stages.import_.opv2v.tiny_opv2v import AGENTS, TICKS, document, points, write_opv2v, write_pcd
 
@@ -89,7 +89,7 @@ def test_each_vehicle_has_its_own_clouds_and_boxes_in_the_bag(scenario, tmp_path
 
 def test_one_of_several_scenarios_is_chosen(scenario):
     write_opv2v(scenario.parent / "2021_08_18")
-    with pytest.raises(UsageError, match="has 2 scenarios; choose one .*: 2021_08_16_22_26_54, 2021_08_18"):
+    with pytest.raises(UsageError, match=r"has 2 scenarios; choose one .*: 2021_08_16_22_26_54, 2021_08_18"):
         Opv2vForm().open(scenario.parent, ImportOptions())
     assert Opv2vForm().open(scenario.parent, ImportOptions(drive="2021_08_18")).name == "2021_08_18"
 

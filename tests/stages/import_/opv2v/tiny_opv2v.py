@@ -26,8 +26,9 @@ def write_pcd(file: Path, table: np.ndarray, how: str = "binary") -> None:
     """Colours packed in a float, as Open3D writes them."""
     colour = (table[:, 3].astype(np.uint32) << 16).view(np.float32)
     header = (
-        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\n"
-        f"COUNT 1 1 1 1\nWIDTH {len(table)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(table)}\nDATA {how}\n"
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\n"
+        f"TYPE F F F F\nCOUNT 1 1 1 1\nWIDTH {len(table)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
+        f"POINTS {len(table)}\nDATA {how}\n"
     )
     columns = np.column_stack([table[:, :3], colour]).astype("<f4")
     if how == "binary":
