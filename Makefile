@@ -13,7 +13,7 @@ TORCH := $(shell sed -n '/^torch==/p' constraints.txt)
 # Without --no-compile, pip compiles all modules to 0.5 GB of bytecode; Python compiles only those it imports.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: install demo sample test wheel-test nightly fuzz lint format checkpoint docs viewer clean
+.PHONY: install demo sample test wheel-test nightly oracles fuzz lint format checkpoint docs viewer clean
 .DEFAULT_GOAL := install
 
 install: $(INSTALLED)
@@ -57,8 +57,12 @@ test: $(INSTALLED) lint
 wheel-test:
 	PYTHON=$(PYTHON) TORCH_INDEX=$(TORCH_INDEX) tests/wheel.sh
 
-nightly: $(INSTALLED)
+nightly: $(INSTALLED) oracles
 	$(BIN)/python -m pytest tests
+
+# The development kits of nuScenes and Argoverse 2, 400 MB, which nightly tests compare with.
+oracles: $(INSTALLED)
+	$(PIP_INSTALL) --no-deps --requirement tests/oracles.txt
 
 # Hostile inputs of all formats; docs/fuzzing.md explains how to repeat one. Exit code 1 for findings.
 fuzz: $(INSTALLED)

@@ -170,6 +170,18 @@ class GroundTruth:
             )
         return invert(root_SE3_lidar) @ root_SE3_frame
 
+    def mount(self, base_frame: str, sensor_frame: str) -> Float64 | None:
+        """`base_SE3_sensor` as /tf_static has it, the same at all instants; None where it does not."""
+        frame_id, frame_SE3_sensor = sensor_frame, np.eye(4)
+        for _ in range(len(self._static) + 1):
+            if frame_id == base_frame:
+                return frame_SE3_sensor
+            if frame_id not in self._static:
+                break
+            frame_id, parent_SE3_child = self._static[frame_id]
+            frame_SE3_sensor = parent_SE3_child @ frame_SE3_sensor
+        return None
+
     def _transform_topics(self) -> str:
         """The topics that may tie boxes and clouds: of odometry only one that the bag has."""
         odometry = self._topics.true_odometry.name

@@ -63,7 +63,9 @@ def recorded_frames(
             continue
         assert truth is not None  # refused above
         stamp_ns, lidar_frame = scan.stamp_ns, scan.frame_id
-        base_SE3_lidar = _pose(truth, stamp_ns, lidar_frame, base_frame)
+        base_SE3_lidar = truth.mount(base_frame, lidar_frame)
+        if base_SE3_lidar is None:
+            base_SE3_lidar = _pose(truth, stamp_ns, lidar_frame, base_frame)
         vehicle_frame = lidar_frame if base_SE3_lidar is None else base_frame
         map_SE3_base = _pose(truth, stamp_ns, vehicle_frame, MAP_FRAME)
         own_frame = vehicle_frame if map_SE3_base is None else MAP_FRAME

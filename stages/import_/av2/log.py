@@ -71,9 +71,9 @@ class Av2Log:
         """How the log was understood."""
         up_m = self._mounts["up_lidar"][:3, 3]
         notes = [
-            "The clouds of both LiDARs are one, in the ego vehicle's frame: its origin is the middle of "
-            f"the rear axle, {self._axle_height_m:g} m above the ground ({option_name('lidar_height')}); "
-            f"rays begin at up_lidar, x {up_m[0]:.2f} m, z {up_m[2]:.2f} m in it.",
+            "The clouds of both LiDARs are one, in the ego vehicle's frame. Its origin is the middle of the "
+            f"rear axle, {self._axle_height_m:g} m above the ground ({option_name('lidar_height')}); rays "
+            f"begin at up_lidar, x {up_m[0]:.2f} m, z {up_m[2]:.2f} m in it.",
         ]
         if self._labels is None:
             notes.append("The log holds no annotations.feather, and so no label.")
