@@ -10,7 +10,7 @@ import numpy as np
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.pipeline.messages.message_bounds import LARGEST_M
+from advpipe.pipeline.messages.message_bounds import LARGEST_M, LATEST_NS
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 
 FASTEST_MPS = 100.0
@@ -36,6 +36,11 @@ class DriveChecks:
 
     def check(self, frame: DriveFrame) -> None:
         """Raises AdvpipeError, one line, for a frame that cannot be right."""
+        if not 0 <= frame.stamp_ns <= LATEST_NS:
+            raise AdvpipeError(
+                f"{frame.name}: its time {frame.stamp_ns} ns since 1970 is outside of what ROS can stamp "
+                "(1970 to 2038); it has another unit"
+            )
         if self._last is not None and frame.stamp_ns <= self._last[1]:
             raise AdvpipeError(
                 f"{frame.name}: its time {frame.stamp_ns} ns is not after that of {self._last[0]} "

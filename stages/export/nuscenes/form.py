@@ -8,7 +8,9 @@ from typing import ClassVar
 
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
 from advpipe.stages.export.nuscenes.scene import VERSION, SceneWriter
 from advpipe.stages.export.nuscenes.tables import TableWriter
@@ -38,8 +40,13 @@ class NuscenesExport(ExportForm):
                 writer = SceneWriter(folder / name, scene, tables, counts)
                 for frame in recorded_frames(bag, topic, chosen, stamps_ns):
                     writer.add(frame)
+                if not writer.stamps_ns:
+                    raise UsageError(
+                        f"{bag} has none of the clean bag's chosen frames; choose others "
+                        f"({option_name('frames')})"
+                    )
                 writer.finish()
-            notes |= dict.fromkeys(writer.notes)
+            notes |= dict.fromkeys(sorted(writer.notes))
             stamps_ns = writer.stamps_ns if stamps_ns is None else stamps_ns
             frames, objects = frames + len(writer.stamps_ns), objects + writer.objects.count
         note = f"NuScenes('{VERSION}', dataroot) opens each of {', '.join(bags)} as dataroot."

@@ -10,8 +10,9 @@ from typing import ClassVar
 from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import find_lidar_topic, vehicle_topics
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
 from advpipe.stages.export.opv2v.frame import write_frame
 from advpipe.stages.export.opv2v.ids import Numbers
@@ -74,12 +75,15 @@ class _Writer:
                 self.notes.add("Objects that count neither way are left out, since this form has none.")
             if frame.covers_view_only:
                 self.notes.add("Only a part of the surroundings is labelled, which this form cannot say.")
-            write_frame(folder / self.ticks.name(frame.stamp_ns), frame, self.numbers)
+            written = write_frame(folder / self.ticks.name(frame.stamp_ns), frame, self.numbers)
+            if written < len(frame.boxes):
+                self.notes.add("Pedestrians are left out: this form has vehicles alone.")
             self.frames += 1
-            self.objects += len(frame.boxes)
+            self.objects += written
         if self.frames == before:
-            raise AdvpipeError(
-                f"{bag}: no cloud of {topic} has the stamp of another vehicle's; name one LiDAR"
+            raise UsageError(
+                f"{bag}: no cloud of {topic} has the stamp of a chosen one of the first LiDAR in the clean "
+                f"bag; choose other frames ({option_name('frames')}), or one LiDAR ({option_name('lidar')})"
             )
         self.notes |= self.ticks.notes
 

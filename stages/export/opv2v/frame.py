@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.geometry.carla import carla_from_se3
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud
@@ -31,8 +32,12 @@ DATA binary
 """
 
 
-def write_frame(stem: Path, frame: RecordedFrame, numbers: Numbers) -> None:
-    """Write `<stem>.pcd` and `<stem>.yaml`, in CARLA's left-handed coordinates.
+KINDS = {"car": "Car", "truck": "Truck", "cyclist": "Cyclist"}
+"""`obj_type` of the classes that are vehicles; OPV2V itself tells none apart."""
+
+
+def write_frame(stem: Path, frame: RecordedFrame, numbers: Numbers) -> int:
+    """Write `<stem>.pcd` and `<stem>.yaml`, in CARLA's left-handed coordinates; returns how many vehicles.
 
     numbers: by which objects are known.
     """
@@ -42,8 +47,12 @@ def write_frame(stem: Path, frame: RecordedFrame, numbers: Numbers) -> None:
         file.write(points.tobytes())
     boxes = frame.boxes
     vehicles = {
-        numbers.of(name or f"unnamed.{row}"): _vehicle(boxes.geometry[row], boxes.velocity_mps[row])
-        for row, name in enumerate(boxes.ids)
+        numbers.of(name or f"unnamed.{row}"): {
+            **_vehicle(boxes.geometry[row], boxes.velocity_mps[row]),
+            "obj_type": KINDS[CLASSES[label]],
+        }
+        for row, (name, label) in enumerate(zip(boxes.ids, boxes.labels, strict=True))
+        if CLASSES[label] in KINDS
     }
     document = {
         "lidar_pose": carla_from_se3(frame.map_SE3_lidar),
@@ -52,6 +61,7 @@ def write_frame(stem: Path, frame: RecordedFrame, numbers: Numbers) -> None:
     }
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     stem.with_suffix(".yaml").write_text(yaml.dump(document, Dumper=dumper), encoding="utf-8")
+    return len(vehicles)
 
 
 def _points(cloud: Cloud) -> npt.NDArray[np.void]:

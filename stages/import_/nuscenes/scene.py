@@ -54,7 +54,7 @@ class NuscenesScene:
         """How the scene was understood."""
         notes = [
             f"{LIDAR_CHANNEL} keeps its axes: in nuScenes, x points to the right and y forward.",
-            "Only key frames (2 Hz) are labelled and imported.",
+            "Only key frames, which are labelled (2 Hz in nuScenes), are imported.",
         ]
         if self._records.annotations is None:
             notes.append(f"{self._tables.tables.name} holds no label.")

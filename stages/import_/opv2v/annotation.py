@@ -19,7 +19,7 @@ class SurroundingVehicle(Document):
 
     location: the origin of the vehicle's frame. center: of its box, from there, along the map's axes. extent:
     half length, width and height. angle: roll, yaw, pitch in degrees. speed: km/h. bp_id: CARLA's blueprint,
-    where the file names it.
+    and obj_type: a class, where the file names them.
     """
 
     location: Three
@@ -27,7 +27,8 @@ class SurroundingVehicle(Document):
     extent: Three
     angle: Three
     speed: Number | None = None
-    bp_id: ShortText = "vehicle"
+    bp_id: ShortText | None = None
+    obj_type: ShortText | None = None
 
 
 def _keys_as_text(vehicles: Any) -> Any:

@@ -39,7 +39,8 @@ class Opv2vForm(DriveForm):
     """Scenarios, each a folder of agents' folders with a PCD and a YAML file an instant.
 
     The agent that OpenCOOD takes for ego is `ego`, others are `cav_<number>`, and roadside units, whose
-    numbers are negative, `rsu_<number>`. A vehicle without a blueprint's name is a car.
+    numbers are negative, `rsu_<number>`. A vehicle is a car unless its `obj_type`
+    or CARLA's blueprint (`bp_id`) says otherwise.
     """
 
     title = "OPV2V: scenarios of OpenCDA"
@@ -47,6 +48,12 @@ class Opv2vForm(DriveForm):
     takes = ("drive", "interval_s", "classes")
     classes: ClassVar[Mapping[str, str]] = {
         "vehicle": "car",
+        "Car": "car",
+        "Truck": "truck",
+        "Van": "truck",
+        "Bus": "truck",
+        "Cyclist": "cyclist",
+        "Pedestrian": "pedestrian",
         **dict.fromkeys(_TRUCKS, "truck"),
         **dict.fromkeys(_CYCLES, "cyclist"),
     }

@@ -128,7 +128,7 @@ def _labelled(vehicle: SurroundingVehicle, name: str) -> LabelledObject:
     if vehicle.speed is not None:
         velocity = tuple((pose[:3, 0] * vehicle.speed / 3.6).tolist())
     box = (*pose[:3, 3].tolist(), *sizes_m, yaw_of(pose))
-    return LabelledObject(vehicle.bp_id, name, box, velocity)
+    return LabelledObject(vehicle.obj_type or vehicle.bp_id or "vehicle", name, box, velocity)
 
 
 def _count(cloud: Cloud, boxes: Float64, map_SE3_lidar: Float64) -> npt.NDArray[np.int64]:

@@ -1,6 +1,7 @@
 """What is exported as nuScenes is what the bag says, and comes back by an import."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,19 @@ def test_chosen_frames_are_chosen_in_all_bags(data_set, tmp_path):
         data_set, "nuscenes", tmp_path / "out", ExportOptions(frames=FrameSlice.parse("::2"))
     ).folder
     assert [len(table(out / name, "sample")) for name in ("clean", "detach-x")] == [2, 2]
+
+
+def test_a_bag_without_the_chosen_frames_is_named(data_set, tmp_path):
+    """An attack on the first frame alone, of which the export wants the last."""
+    clean, short = tmp_path / "set" / "clean", tmp_path / "set" / "short"
+    shutil.copytree(data_set / "clean", clean)
+    frame = next(recorded_frames(clean, TOPIC))
+    vehicle = VehicleFrame({"lidar": frame.cloud}, frame.boxes)
+    write_bag(short, DriveFrame("a", frame.stamp_ns, {"ego": vehicle}))
+    with pytest.raises(UsageError, match="short has none of the clean bag's chosen frames"):
+        export_bags(
+            tmp_path / "set", "nuscenes", tmp_path / "out", ExportOptions(frames=FrameSlice.parse("2:"))
+        )
 
 
 def test_a_bag_without_boxes_is_refused(tmp_path):

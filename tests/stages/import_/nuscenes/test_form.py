@@ -187,6 +187,7 @@ def with_pose_in_millimetres(source: Path) -> None:
         (lambda s: changed(s, "ego_pose", token="other"), "lacks the pose"),
         (lambda s: changed(s, "sample_data", is_key_frame=False), "no key frame of LIDAR_TOP"),
         (lambda s: changed(s, "sample_data", filename="../../etc/passwd"), "outside of the data set"),
+        (lambda s: changed(s, "sample_data", timestamp=1_532_402_927_647_951_000), "it has another unit"),
         (lambda s: changed(s, "sensor", channel="LIDAR"), "has no LIDAR_TOP"),
     ],
 )
