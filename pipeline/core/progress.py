@@ -134,7 +134,7 @@ def _in_phase(
             return
         outer = display.phases[-1]
         if not outer.name:
-            outer.plan({name: 1.0})
+            display.plan({name: 1.0})
         phase = outer.part(name, total, status)
         display.phases.append(phase)
         try:
@@ -152,7 +152,7 @@ class _Display:
         self.phases = [Phase(title)]
         self.owner = threading.get_ident()
         self._terminal = _terminal()
-        self._begin_s, self._begin_done = time.monotonic(), 0.0
+        self._begin_s, self._begin_done, self._is_planned = time.monotonic(), 0.0, False
         is_command = bool(title) or self._terminal is not None
         later_s = FIRST_WORD_S if is_command else LINE_EVERY_S
         self._due_s = self._begin_s + (0.0 if at_once else later_s)
@@ -167,7 +167,7 @@ class _Display:
         the loading of libraries, says nothing of how long they take."""
         self.phases[-1].plan(shares)
         if len(self.phases) == 1:
-            self._begin_s, self._begin_done = time.monotonic(), self._done()
+            self._begin_s, self._begin_done, self._is_planned = time.monotonic(), self._done(), True
 
     def close(self) -> None:
         """Show nothing any more."""
@@ -219,10 +219,12 @@ class _Display:
         return min(self.phases[-1].done, MOST_SHOWN)
 
     def _left(self) -> str:
-        """An estimate of the time that is left, such as `20 s`; empty where too little is done for one."""
-        done, spent_s = self._done(), time.monotonic() - self._begin_s
+        """An estimate of the time that is left, such as `20 s`; empty where too little is known for one."""
+        done, spent_s, last = self._done(), time.monotonic() - self._begin_s, self.phases[-1]
         gained = done - self._begin_done
-        return duration_text(spent_s / gained * (1 - done)) if gained >= LEFT_FROM else ""
+        if not self._is_planned or gained < LEFT_FROM or (last.total and not last.count):
+            return ""
+        return duration_text(spent_s / gained * (1 - done))
 
     def _run(self) -> None:
         while not self._closed.wait(max(self._due_s - time.monotonic(), 0.01)):

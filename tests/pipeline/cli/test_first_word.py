@@ -15,7 +15,7 @@ from advpipe.pipeline.cli import COMMANDS
 HEAVY = ("torch", "open3d", "libsumo", "rosbags", "matplotlib", "rich", "scipy", "shapely", "pyarrow")
 
 FIRST_WORDS = {
-    "demo": (["-o", "d", "--no-browser"], "demo ..."),
+    "demo": (["-o", "d", "--no-browser"], "attacking and evaluating a sample ..."),
     "simulate": (["smoke"], "simulating smoke ..."),
     "attack": ([], "attacking the newest data set with detach ..."),
     "attack with a parameter": (["--ratio", "1%", "--type=detach"], "reading about detach ..."),
