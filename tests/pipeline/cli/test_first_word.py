@@ -73,4 +73,4 @@ def test_the_first_word_comes_before_libraries(tmp_path: Path) -> None:
         check=True,
     )
     found = [json.loads(line) for line in done.stdout.splitlines()]
-    assert found == [[words, []] for _, words in FIRST_WORDS.values()]
+    assert found == [[f"{words}\n", []] for _, words in FIRST_WORDS.values()]
