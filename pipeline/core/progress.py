@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from functools import wraps
 from typing import Any, ParamSpec, TextIO, TypeVar
 
-from advpipe.pipeline.core import status_line
+from advpipe.pipeline.core import signals, status_line
 from advpipe.pipeline.core.phases import Phase
 from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.core.streams import unwrapped
@@ -160,7 +160,8 @@ class _Display:
         if at_once:
             self.show()
         self._thread = threading.Thread(target=self._run, name="progress", daemon=True)
-        self._thread.start()
+        with signals.blocked():  # which the thread inherits: signals are for the main thread, which may block
+            self._thread.start()
 
     def plan(self, shares: Mapping[str, float]) -> None:
         """Expect these phases of the one that goes on. The command's own begin now: what came before, such as

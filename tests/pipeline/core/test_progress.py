@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import re
+import signal
 import sys
 import threading
 import time
@@ -126,6 +127,16 @@ def test_another_thread_is_no_part_of_the_command(capsys: pytest.CaptureFixture[
         other.start()
         other.join()
         assert [phase.name for phase in progress._display.phases] == ["viewing"]  # type: ignore[union-attr]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks at a thread in /proc")
+def test_signals_go_to_the_main_thread_alone() -> None:
+    """One that the main thread blocks, while it starts a worker, must not come through another."""
+    with open_progress("simulating", at_once=False):
+        thread = progress._display._thread.native_id  # type: ignore[union-attr]
+        status = Path(f"/proc/self/task/{thread}/status").read_text()
+    blocked = int(next(line for line in status.splitlines() if line.startswith("SigBlk")).split()[1], 16)
+    assert all(blocked >> (number - 1) & 1 for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 
 
 def test_words_name_the_arguments(capsys: pytest.CaptureFixture[str]) -> None:
