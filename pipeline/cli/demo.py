@@ -17,7 +17,7 @@ ROUNDS = 3
 """Fewer than the ten of `detach`: the attack takes half the time, and does nearly as much."""
 
 
-@with_progress("demo")
+@with_progress("attacking and evaluating a sample")
 def demo(
     out: Annotated[Path, typer.Option("--out", "-o", help="Data set folder.")] = Path("advpipe-demo"),
     browser: Annotated[bool, typer.Option(help="Open the shipped report in the browser.")] = True,

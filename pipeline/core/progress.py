@@ -13,11 +13,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import wraps
 from typing import Any, ParamSpec, TextIO, TypeVar
 
-from advpipe.pipeline.core import status_line
+from advpipe.pipeline.core import signals, status_line
 from advpipe.pipeline.core.phases import Phase
 from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.core.streams import unwrapped
@@ -55,7 +55,12 @@ def with_progress(words: str, at_once: bool = True) -> Callable[[Callable[P, T]]
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @wraps(function)
         def shown(*args: P.args, **options: P.kwargs) -> T:
-            with open_progress(words.format_map(_texts(function, args, options)), at_once):
+            try:
+                bound = inspect.signature(function).bind(*args, **options)
+            except TypeError:
+                return function(*args, **options)  # raises what Python says of such a call
+            bound.apply_defaults()
+            with open_progress(_filled_in(words, bound.arguments), at_once):
                 return function(*args, **options)
 
         return shown
@@ -81,9 +86,9 @@ def open_progress(title: str, at_once: bool = True) -> Iterator[None]:
 def end_progress() -> None:
     """Show nothing more of what goes on: the command waits for its user, as a server does, or has ended."""
     global _display
-    if _display is not None:
-        _display.close()
-    _display = None
+    ended, _display = _display, None
+    if ended is not None:
+        ended.close()
 
 
 def plan_progress(shares: Mapping[str, float]) -> None:
@@ -129,7 +134,7 @@ def _in_phase(
             return
         outer = display.phases[-1]
         if not outer.name:
-            outer.plan({name: 1.0})
+            display.plan({name: 1.0})
         phase = outer.part(name, total, status)
         display.phases.append(phase)
         try:
@@ -147,7 +152,7 @@ class _Display:
         self.phases = [Phase(title)]
         self.owner = threading.get_ident()
         self._terminal = _terminal()
-        self._begin_s, self._begin_done = time.monotonic(), 0.0
+        self._begin_s, self._begin_done, self._is_planned = time.monotonic(), 0.0, False
         is_command = bool(title) or self._terminal is not None
         later_s = FIRST_WORD_S if is_command else LINE_EVERY_S
         self._due_s = self._begin_s + (0.0 if at_once else later_s)
@@ -155,21 +160,24 @@ class _Display:
         if at_once:
             self.show()
         self._thread = threading.Thread(target=self._run, name="progress", daemon=True)
-        self._thread.start()
+        with signals.blocked():  # which the thread inherits: signals are for the main thread, which may block
+            self._thread.start()
 
     def plan(self, shares: Mapping[str, float]) -> None:
         """Expect these phases of the one that goes on. The command's own begin now: what came before, such as
         the loading of libraries, says nothing of how long they take."""
         self.phases[-1].plan(shares)
         if len(self.phases) == 1:
-            self._begin_s, self._begin_done = time.monotonic(), self._done()
+            self._begin_s, self._begin_done, self._is_planned = time.monotonic(), self._done(), True
 
     def close(self) -> None:
         """Show nothing any more."""
         self._closed.set()
-        self._thread.join(timeout=1.0)  # a signal may have come while it held the lock
-        if self._terminal is not None:
-            status_line.erase()
+        try:
+            self._thread.join(timeout=1.0)  # unless it waits for a terminal that was stopped
+        finally:
+            if self._terminal is not None:
+                status_line.erase()
 
     def show(self) -> None:
         """Draw the bar, or print a line; the first one is what is done, without figures."""
@@ -177,7 +185,8 @@ class _Display:
             status_line.draw(self._terminal, self.bar(status_line.columns(self._terminal)))
             self._due_s = time.monotonic() + DRAW_EVERY_S
         else:
-            notice(self.line())
+            if line := self.line():
+                notice(line)
             self._due_s = time.monotonic() + LINE_EVERY_S
 
     def line(self) -> str:
@@ -185,7 +194,7 @@ class _Display:
         phases = tuple(self.phases)
         left, status = self._left(), phases[-1].status
         whole = ": ".join(_texts_of(phases)) + (f", about {left} left" if left else "")
-        if len(phases) == 1 and not left:
+        if whole and len(phases) == 1 and not left:
             whole += " ..."
         return f"{whole}; {one_line(status())}" if status else whole
 
@@ -211,15 +220,18 @@ class _Display:
         return min(self.phases[-1].done, MOST_SHOWN)
 
     def _left(self) -> str:
-        """An estimate of the time that is left, such as `20 s`; empty where too little is done for one."""
-        done, spent_s = self._done(), time.monotonic() - self._begin_s
+        """An estimate of the time that is left, such as `20 s`; empty where too little is known for one."""
+        done, spent_s, last = self._done(), time.monotonic() - self._begin_s, self.phases[-1]
         gained = done - self._begin_done
-        return duration_text(spent_s / gained * (1 - done)) if gained >= LEFT_FROM else ""
+        if not self._is_planned or gained < LEFT_FROM or (last.total and not last.count):
+            return ""
+        return duration_text(spent_s / gained * (1 - done))
 
     def _run(self) -> None:
         while not self._closed.wait(max(self._due_s - time.monotonic(), 0.01)):
             if time.monotonic() >= self._due_s:
-                self.show()
+                with suppress(OSError, ValueError):  # standard error is closed
+                    self.show()
 
 
 def _texts_of(phases: Sequence[Phase]) -> list[str]:
@@ -248,22 +260,24 @@ def _terminal() -> TextIO | None:
     stream = unwrapped(sys.stderr)
     if stream is None or stream.closed or not stream.isatty() or os.environ.get("TERM") == "dumb":
         return None
-    return stream
+    understands_escapes = sys.platform != "win32" or "WT_SESSION" in os.environ  # the Windows Terminal
+    return stream if understands_escapes else None
 
 
-def _texts(function: Callable[..., object], args: Any, options: Any) -> dict[str, str]:
-    """The arguments of a call, as its words name them."""
-    bound = inspect.signature(function).bind(*args, **options)
-    bound.apply_defaults()
-    return {name: shorten(_text(value)) for name, value in bound.arguments.items()}
+def _filled_in(words: str, arguments: Mapping[str, Any]) -> str:
+    """The words with the arguments that they name."""
+    named = {name: value for name, value in arguments.items() if f"{{{name}}}" in words}
+    return words.format_map({name: shorten(_text(value)) for name, value in named.items()})
 
 
 def _text(value: Any) -> str:
-    if value is None or value == ():
-        return NEWEST
     if isinstance(value, list | tuple):
+        if not value:
+            return NEWEST
         first, *others = map(_text, value)
         return f"{first} and {len(others)} more" if others else first
+    if value is None:
+        return NEWEST
     if isinstance(value, os.PathLike):
         return str(os.fspath(value))
     return str(getattr(value, "name", value))

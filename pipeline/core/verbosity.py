@@ -62,7 +62,8 @@ def notice(text: object) -> None:
     """Print one line that the user should read although it is not an error."""
     if not _current.quiet:
         with above_status():
-            print(one_line(text), file=sys.stderr, flush=True)
+            # In one piece: a signal may come after any other write, and its line must not continue this one.
+            print(f"{one_line(text)}\n", end="", file=sys.stderr, flush=True)
 
 
 def detail(text: object) -> None:

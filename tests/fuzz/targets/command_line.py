@@ -12,6 +12,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from advpipe.pipeline.core.errors import one_line
+from tests.first_words import without_progress
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Fault, Target, Unhandled
 from tests.fuzz.judge import LONGEST_LINE
@@ -146,7 +147,7 @@ def fault_of(code: int, output: str, errors: str) -> Fault | None:
         bad = next((sign for sign in text if not sign.isprintable() and sign not in "\n\r"), None)
         if bad is not None:
             return Fault("terminal", f"{bad!a} reaches the terminal", trace=text)
-    lines = [line for line in errors.splitlines() if line.strip()]
+    lines = [line for line in without_progress(errors).splitlines() if line.strip()]
     if code == 1 and len(lines) > 1:
         return Fault("line", f"{len(lines)} lines on standard error", lines[0][:60], trace=errors)
     if code == 1 and lines and len(lines[0]) > LONGEST_LINE:

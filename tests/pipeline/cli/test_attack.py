@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from first_words import without_progress
 
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
@@ -140,7 +141,7 @@ def said(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
         with pytest.raises(SystemExit):
             app(["attack", *arguments], prog_name="advpipe")
         done = capfd.readouterr()
-        return done.out + done.err
+        return done.out + without_progress(done.err)
 
     return said
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 
 import pytest
+from first_words import without_progress
 
 from advpipe.pipeline.cli import app
 from advpipe.stages.attack.registry import ATTACKS
@@ -25,7 +26,7 @@ def show(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
             app(["attacks", *words], prog_name="advpipe")
         assert (ended.value.code or 0) == code
         done = capfd.readouterr()
-        return done.err if code else done.out
+        return without_progress(done.err) if code else done.out
 
     return show
 

@@ -15,7 +15,7 @@ from advpipe.pipeline.cli import COMMANDS
 HEAVY = ("torch", "open3d", "libsumo", "rosbags", "matplotlib", "rich", "scipy", "shapely", "pyarrow")
 
 FIRST_WORDS = {
-    "demo": (["-o", "d", "--no-browser"], "demo ..."),
+    "demo": (["-o", "d", "--no-browser"], "attacking and evaluating a sample ..."),
     "simulate": (["smoke"], "simulating smoke ..."),
     "attack": ([], "attacking the newest data set with detach ..."),
     "attack with a parameter": (["--ratio", "1%", "--type=detach"], "reading about detach ..."),
@@ -73,4 +73,4 @@ def test_the_first_word_comes_before_libraries(tmp_path: Path) -> None:
         check=True,
     )
     found = [json.loads(line) for line in done.stdout.splitlines()]
-    assert found == [[words, []] for _, words in FIRST_WORDS.values()]
+    assert found == [[f"{words}\n", []] for _, words in FIRST_WORDS.values()]
