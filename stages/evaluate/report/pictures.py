@@ -9,7 +9,6 @@ from pathlib import Path
 
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as MatplotlibFigure
 
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.core.progress import track
@@ -116,12 +115,12 @@ def to_svg(figure: Figure) -> bytes:
     return _saved(figure, "svg", {"Date": None}, dpi=POINTS_DPI)
 
 
-def to_pdf(figure: MatplotlibFigure) -> bytes:
+def to_pdf(figure: Figure) -> bytes:
     """The figure as PDF, the same bytes for the same figure."""
     return _saved(figure, "pdf", {"CreationDate": None}, dpi=POINTS_DPI)
 
 
-def _saved(figure: MatplotlibFigure, kind: str, metadata: dict[str, None], dpi: float | str = "figure") -> bytes:
+def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: float | str = "figure") -> bytes:
     stream = io.BytesIO()
     with rc_context({"font.family": "DejaVu Sans", "svg.hashsalt": "advpipe"}):
         figure.savefig(stream, format=kind, metadata=metadata, dpi=dpi)

@@ -12,13 +12,13 @@ from xml.etree import ElementTree
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 from PIL import Image
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.figure import Figure
 
 SVG, LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}href"
 GROUP, USE, PATH, RECTANGLE, IMAGE = (f"{SVG}{name}" for name in ("g", "use", "path", "rect", "image"))

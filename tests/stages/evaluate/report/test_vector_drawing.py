@@ -5,7 +5,6 @@ import io
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.image import imread
 
 from advpipe.pipeline.core.errors import AdvpipeError
@@ -16,7 +15,7 @@ from advpipe.stages.evaluate.report.vector_drawing import figure_of_svg
 DPI = 100
 
 
-def pixels(figure: MatplotlibFigure) -> np.ndarray:
+def pixels(figure: Figure) -> np.ndarray:
     """(H, W, 3) in [0, 1]."""
     FigureCanvasAgg(figure)
     stream = io.BytesIO()
