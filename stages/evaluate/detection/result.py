@@ -19,6 +19,9 @@ from advpipe.stages.evaluate.detection.metrics import (
 )
 from advpipe.stages.evaluate.detection.scored import Scored
 
+MIN_BLOCKS = 6
+"""With fewer blocks of frames, reports show no interval: it would be too narrow."""
+
 FEW_BLOCKS = 10
 """With fewer blocks, intervals are rough."""
 
@@ -107,8 +110,9 @@ def _notes(
     """Notes on too few blocks, an undefined mAP ratio, objects with few points left, and weak or strong
     baselines."""
     n_blocks, baseline_tries = scored.bootstrap.n_blocks, attack.baseline_tries
-    if n_blocks < 2:
-        yield f"The frames fill fewer than two blocks of {MIN_BLOCK_S:g} s: no confidence interval."
+    if n_blocks < MIN_BLOCKS:
+        few = f"fewer than {MIN_BLOCKS} blocks of {MIN_BLOCK_S:g} s"
+        yield f"The frames fill {few}: no confidence interval is shown."
     elif n_blocks < FEW_BLOCKS:
         yield f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."
     if attacked and scored.by_condition["clean"].mean_ap() == 0:

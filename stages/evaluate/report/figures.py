@@ -12,7 +12,6 @@ from advpipe.pipeline.core.progress import track
 FORMATS = {"pdf": "svg", "svg": "svg", "png": "png"}
 """The formats, each with the one that it is made from, in which `evaluate` draws the figure."""
 
-
 MOST_BYTES = 50_000_000
 """Of an SVG: those of `evaluate` have up to a few million."""
 
@@ -58,6 +57,10 @@ def _pdf(svg: Path) -> bytes:
     if svg.stat().st_size > MOST_BYTES:
         raise AdvpipeError(f"{svg} has more than {MOST_BYTES:,} bytes: `evaluate` draws no such figure")
     try:
-        return to_pdf(figure_of_svg(svg.read_bytes()))
+        figure = figure_of_svg(svg.read_bytes())
     except AdvpipeError as error:
         raise AdvpipeError(f"{svg} is {error}") from None
+    try:
+        return to_pdf(figure)
+    except (ArithmeticError, TypeError, ValueError) as error:
+        raise AdvpipeError(f"{svg} cannot be drawn: {error}") from None

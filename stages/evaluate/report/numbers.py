@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from advpipe.pipeline.results.metrics import Interval
 from advpipe.pipeline.results.row import FrameCounts
+from advpipe.stages.evaluate.detection.result import MIN_BLOCKS
 
 NOTHING = "–"
 
@@ -11,9 +12,6 @@ UNDEFINED_RATIO = "undefined: nothing found on the clean bag"
 """Stands for a ratio to a clean mAP of 0."""
 
 NO_INTERVAL = "no interval"
-
-MIN_BLOCKS = 6
-"""With fewer blocks of frames, tables show no interval: it would be too narrow."""
 
 
 def formatted_number(value: object, digits: int, suffix: str = "") -> str:

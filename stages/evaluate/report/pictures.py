@@ -91,7 +91,7 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
     for which, frames in (("Worst", worst), ("Best", best)):
         for rank, frame in enumerate(frames):
             scene = load_scene(clean, summary, frame, lidar_topic)
-            caption = f"{which} frames: {scene.title}"
+            caption = f"{which} frame: {scene.title}"
             drawn = picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
             yield replace(drawn, is_worst=which == "Worst" and rank == 0)
 

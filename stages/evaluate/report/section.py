@@ -24,12 +24,16 @@ class Formula(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text: a title, column heads, lines of as many cells, and what the columns mean."""
+    """A table of text: a title, column heads, lines of as many cells, and what the columns mean.
+
+    is_detail: of use to few readers; the page shows it when it is asked for.
+    """
 
     title: str
     heads: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
     note: str = ""
+    is_detail: bool = False
 
 
 MOST_SVG_BYTES = 300_000

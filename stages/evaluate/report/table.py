@@ -13,7 +13,6 @@ from advpipe.stages.evaluate.report.numbers import (
     formatted_ratio,
     interval,
     interval_cell,
-    no_interval,
     short_name,
     shown_interval,
 )
@@ -134,8 +133,8 @@ def table_notes(report: Report) -> list[str]:
             shown = shown_interval(bounds, row.counts)
             notes.append(
                 f"{bag}: Δ of the mAP ratio to {baseline_title(strongest)} "
-                f"(the strongest {PLAIN_RANDOM} baseline): {delta} percentage points, "
-                f"{f'95 % interval {interval(shown)}' if shown else no_interval(row.counts)}. "
+                f"(the strongest {PLAIN_RANDOM} baseline): {delta} percentage points"
+                f"{f', 95 % interval {interval(shown)}' if shown else ''}. "
                 f"Significant against {PLAIN_RANDOM}: {'yes' if row.significant_vs_random else 'no'}."
             )
         notes += _lost_note(report, row, bag)

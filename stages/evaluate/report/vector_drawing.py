@@ -11,11 +11,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.transforms import Affine2D
-from PIL import Image
+from matplotlib.transforms import Affine2D, Transform
+from PIL import Image, UnidentifiedImageError
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.figure import Figure
@@ -23,13 +24,15 @@ from advpipe.pipeline.core.figure import Figure
 SVG, LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}href"
 GROUP, USE, PATH, RECTANGLE, IMAGE = (f"{SVG}{name}" for name in ("g", "use", "path", "rect", "image"))
 POINTS_PER_INCH = 72
+MOST_POINTS = 14_400
+"""Width and height of a drawing, at most, as in a PDF."""
 
-_CODES = {
-    "M": [Path.MOVETO],
-    "L": [Path.LINETO],
-    "Q": [Path.CURVE3] * 2,
-    "C": [Path.CURVE4] * 3,
-    "z": [Path.CLOSEPOLY],
+_CODES: Mapping[str, list[int]] = {
+    "M": [int(Path.MOVETO)],
+    "L": [int(Path.LINETO)],
+    "Q": [int(Path.CURVE3)] * 2,
+    "C": [int(Path.CURVE4)] * 3,
+    "z": [int(Path.CLOSEPOLY)],
 }
 
 Caps = Literal["butt", "projecting", "round"]
@@ -40,7 +43,7 @@ class Shape(NamedTuple):
     """A path or an image, with what its own element and those around it say of it."""
 
     element: ElementTree.Element
-    transform: Affine2D
+    transform: Transform
     style: Mapping[str, str]
     clip: str
 
@@ -55,21 +58,23 @@ def figure_of_svg(svg: bytes) -> Figure:
             raise ValueError("it declares entities")
         return _drawn(ElementTree.fromstring(svg))
     except (
-        *(ElementTree.ParseError, Image.DecompressionBombError, Image.UnidentifiedImageError),
-        *(AttributeError, LookupError, TypeError, ValueError),
+        *(ElementTree.ParseError, Image.DecompressionBombError, UnidentifiedImageError),
+        *(AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError),
     ) as error:
         raise AdvpipeError(f"not a drawing by matplotlib: {error}") from None
 
 
 def _drawn(root: ElementTree.Element) -> Figure:
     _, _, width, height = map(float, root.attrib["viewBox"].split())
+    if not (0 < width <= MOST_POINTS and 0 < height <= MOST_POINTS):
+        raise ValueError(f"it is {width:g} by {height:g} points large")
     figure = Figure(figsize=(width / POINTS_PER_INCH, height / POINTS_PER_INCH))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     named = {each.attrib["id"]: each for each in root.iter() if "id" in each.attrib}
     with rc_context({"lines.scale_dashes": False}):  # they are in points, not in widths of their line
         for order, shape in enumerate(_shapes(root, named, Shape(root, Affine2D(), {}, ""))):
-            artist = _image(axes, shape) if shape.element.tag == IMAGE else _patch(axes, shape)
+            artist: Artist = _image(axes, shape) if shape.element.tag == IMAGE else _patch(axes, shape)
             artist.set_zorder(order)
             clip = _path(named[shape.clip][0]) if shape.clip else None
             artist.set_clip_path(clip, axes.transData if clip else None)
@@ -118,7 +123,7 @@ def _patch(axes: Axes, shape: Shape) -> PathPatch:
     return patch
 
 
-def _image(axes: Axes, shape: Shape) -> object:
+def _image(axes: Axes, shape: Shape) -> Artist:
     element = shape.element
     media, _, encoded = element.attrib[LINK].partition(",")
     if media != "data:image/png;base64":
@@ -149,7 +154,7 @@ def _style(element: ElementTree.Element) -> dict[str, str]:
     return {name.strip(): value.strip() for name, value in entries}
 
 
-def _transform(element: ElementTree.Element) -> Affine2D:
+def _transform(element: ElementTree.Element) -> Transform:
     """What the element's attribute says: the last of its parts is carried out first."""
     found = Affine2D()
     for name, numbers in reversed(re.findall(r"(\w+)\(([^)]*)\)", element.get("transform", ""))):
@@ -164,7 +169,7 @@ def _transform(element: ElementTree.Element) -> Affine2D:
             case "rotate", [angle_deg]:
                 found.rotate_deg(angle_deg)
             case "matrix", [a, b, c, d, e, f]:
-                found += Affine2D.from_values(a, b, c, d, e, f)
+                found.set_matrix(Affine2D.from_values(a, b, c, d, e, f).get_matrix() @ found.get_matrix())
             case _:
                 raise ValueError(f"a transform is {name}({numbers})")
     return found

@@ -34,7 +34,7 @@ COMMANDS = (
         "share",
         "unpack",
     ),
-    *("inspect", "plot", "recover", "verify", "schema"),
+    *("figures", "inspect", "plot", "recover", "verify", "schema"),
 )
 PINNED = re.compile(r"duration_s|^--steps|^--cells")
 """Words that stay: without them, a command rightly takes minutes."""
@@ -46,6 +46,7 @@ GOOD = {
     "inspect": ["drive/clean"],
     "verify": ["drive"],
     "plot": ["drive", "--out", "new.png"],
+    "figures": ["report", "--out", "new"],
     "recover": ["drive/clean/clean_0.mcap"],
     "unpack": ["archives/town.tar", "--out", "new"],
     "share": ["drive", "--out", "new"],

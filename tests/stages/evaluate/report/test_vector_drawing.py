@@ -71,7 +71,7 @@ def test_the_same_bytes_each_time() -> None:
 def test_other_files_are_refused(old: bytes, new: bytes) -> None:
     svg = to_svg(drawn())
     assert old in svg
-    with pytest.raises(AdvpipeError, match="^not a drawing by matplotlib: "):
+    with pytest.raises(AdvpipeError, match=r"^not a drawing by matplotlib: "):
         figure_of_svg(svg.replace(old, new))
 
 
