@@ -52,19 +52,23 @@ def demo(
 
     return Answer(
         {"data_set": out, "shipped_report": page, "report": made, **document},
-        lambda: _show_table(document["rows"][0]),
+        lambda: _show_table(document["rows"][0], report.results[0].strongest_baseline),
         made={"report": made},
         next_commands=[typed("attack", out, "--type", "attach"), typed("evaluate", out, "--overwrite")],
     )
 
 
-def _show_table(row: Mapping[str, Any]) -> None:
-    """Mean average precision before and after, and what chance does with the same budget."""
-    lines = (
+def _show_table(row: Mapping[str, Any], baseline: str | None) -> None:
+    """Mean average precision before and after, and under the strongest random baseline of the same budget."""
+    from advpipe.stages.evaluate.detection.baseline import baseline_title
+
+    lines = [
         ("clean", row["map_clean"], 100.0),
         (f"{RATIO:.0%} of the points removed, chosen", row["map_adv"], row["map_ratio_percent"]),
-        (f"{RATIO:.0%} removed at random", row["baseline_map_adv"], row["baseline_map_ratio_percent"]),
-    )
+    ]
+    if baseline:
+        title = f"{RATIO:.0%} removed, {baseline_title(baseline)}"
+        lines.append((title, row[f"{baseline}_map_adv"], row[f"{baseline}_map_ratio_percent"]))
     about = f"{row['frames']} clouds, {row['objects']} objects"
     print(f"{about:<42}{'mAP':>6}{'of clean':>12}")
     for title, precision, percent in lines:

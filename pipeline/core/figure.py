@@ -19,6 +19,17 @@ class Figure(matplotlib.figure.Figure):
 
     def draw(self, renderer: Any) -> None:
         """Draw the figure; texts from bags are made printable first."""
+        self._make_printable()
+        super().draw(renderer)
+
+    def lay_out(self) -> None:
+        """Lay the figure out once: it is drawn as it stands now from here on, in every format."""
+        if engine := self.get_layout_engine():
+            self._make_printable()
+            engine.execute(self)
+            self.set_layout_engine(None)
+
+    def _make_printable(self) -> None:
         for axes in self.axes:
             _make_labels_printable(axes.xaxis)
             _make_labels_printable(axes.yaxis)
@@ -28,7 +39,6 @@ class Figure(matplotlib.figure.Figure):
             if id(text) not in numbers:
                 text.set_parse_math(False)
                 text.set_text(printable_text(text.get_text()))
-        super().draw(renderer)
 
 
 def printable_text(text: str) -> str:

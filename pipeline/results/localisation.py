@@ -31,8 +31,9 @@ class LocalisationRecord(Listed):
 
     fixes: of the clean bag; attacked: those that say something else, lost: those of them that say nothing.
     The span goes from the first attacked fix to the last one: `clean` and `adversarial` are the errors of
-    the estimates in it. ate_clean_m, ate_m: the unaligned absolute trajectory error of both tracks, which
-    are of the whole drive or of a part of it. Without an attacked fix, the span is empty.
+    the estimates in it, `clean_all` and `adversarial_all` of all, attacked or not. ate_clean_m, ate_m: the
+    unaligned absolute trajectory error of both tracks, which are of the whole drive or of a part of it.
+    Without an attacked fix, the span is empty.
 
     detection_rate: of attacked fixes, the share that fails the innovation test; NaN where all were lost.
     stealth_rate: the share that passes it. false_alarm_rate: of the clean bag's fixes, the share that fails
@@ -49,6 +50,8 @@ class LocalisationRecord(Listed):
     span_s: Annotated[float, "time from the first attacked fix to the last, in seconds"]
     clean: Annotated[Errors, Flat("clean_", "clean bag, from the first attacked fix to the last: ")]
     adversarial: Annotated[Errors, Flat("adv_", "attacked bag, from the first attacked fix to the last: ")]
+    clean_all: Annotated[Errors, Flat("clean_all_", "clean bag, whole drive or window: ")]
+    adversarial_all: Annotated[Errors, Flat("adv_all_", "attacked bag, whole drive or window: ")]
     ate_clean_m: Annotated[
         float,
         "absolute trajectory error in the clean bag, whole drive or window, without alignment, in metres",

@@ -88,7 +88,9 @@ class V2xRecord(Listed):
     attack, attacks: all of the bag's in one text, and each by itself. messages, false_messages, undecoded:
     of all listeners. has_roads: whether the bag holds its roads, which some checks need. honest_delivered: of
     the messages near the listener that no attack touched, the share that it received; and of the same ones
-    in the clean drive. radio: None for a part of a drive.
+    in the clean drive. ldm_attacked, ldm_attacked_clean: of the maps from the first attacked message to the
+    last, and of the clean drive in this time; None where no message is attacked. radio: None for a part of a
+    drive.
     """
 
     bag: Annotated[str, "adversarial bag, or `clean`"]
@@ -108,5 +110,13 @@ class V2xRecord(Listed):
     ours: Annotated[ScoreMetrics, Flat("")]
     baseline: Annotated[ScoreMetrics, Flat("baseline_", "baseline: ")]
     ldm: Annotated[LdmMetrics, Flat("ldm_", "Local Dynamic Map: ")]
+    ldm_attacked: Annotated[
+        LdmMetrics | None,
+        Flat("ldm_attacked_", "Local Dynamic Map, from the first attacked message sent to the last: "),
+    ]
+    ldm_attacked_clean: Annotated[
+        LdmMetrics | None,
+        Flat("ldm_attacked_clean_", "Local Dynamic Map, clean drive in that time: "),
+    ]
     warning: Annotated[Warnings, Flat("warning_", "forward-collision warning: ")]
     radio: Annotated[RadioMetrics | None, Flat("radio_", "radio channel: ")]

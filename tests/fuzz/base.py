@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 DRIVE, ARCHIVES, WEIGHTS, NETWORKS, TABLES = "drive", "archives", "weights", "networks", "tables"
+REPORT = "report"
 
 SETTINGS = (
     *("simulation.duration_s=1", "simulation.warmup_s=5", "vehicles={ego: {}, other: {}}"),
@@ -37,6 +38,7 @@ def build(folder: Path) -> Path:
     _weights(folder / WEIGHTS)
     _networks(folder / NETWORKS)
     _tables(folder / TABLES)
+    _report(folder / REPORT)
     (folder / "whole").touch()
     return folder
 
@@ -108,3 +110,17 @@ def _tables(tables: Path) -> None:
     tables.mkdir()
     (tables / "poses.csv").write_text(TRAJECTORY, encoding="utf-8")
     pyarrow.parquet.write_table(pyarrow.csv.read_csv(tables / "poses.csv"), tables / "poses.parquet")
+
+
+def _report(report: Path) -> None:
+    """A folder with one figure, as far as `advpipe figures` reads a report."""
+    from advpipe.pipeline.core.figure import Figure
+    from advpipe.stages.evaluate.report.pictures import to_svg
+
+    figure = Figure(figsize=(2, 2), facecolor="white")
+    axes = figure.add_subplot()
+    axes.plot([0, 1], [1, 0], "o--", alpha=0.5)
+    axes.scatter([0.5], [0.5], rasterized=True)
+    (report / "figures").mkdir(parents=True)
+    (report / "report.json").write_text("{}", encoding="utf-8")
+    (report / "figures" / "one.svg").write_bytes(to_svg(figure))

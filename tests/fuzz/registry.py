@@ -16,6 +16,7 @@ NAMES = (
     "tar",
     "checkpoint",
     "network",
+    "drawing",
     "command_line",
 )
 """Of the modules in `targets/`, each of which holds one `TARGET`."""

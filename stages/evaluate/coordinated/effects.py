@@ -41,11 +41,13 @@ class Series:
 class Effect:
     """One measure of a vehicle.
 
-    key: in `report.json`. digits: printed after the point. is_by_cloud: known for single clouds only.
+    key: in `report.json`. short_title: in two lines, for a picture. digits: printed after the point.
+    is_by_cloud: known for single clouds only.
     """
 
     key: str
     title: str
+    short_title: str
     digits: int
     clean: Series
     attacked: Series
@@ -76,21 +78,29 @@ def effects(
         _position_error: (topics.odometry.name, topics.true_odometry.name),
         _wrong_entries: (topics.ldm.name, V2X_STATIONS.name),
     }
-    for measure, key, title, digits in (
-        (_position_error, "own_place_m", "error of the position estimate [m]", 2),
-        (_wrong_entries, "map_wrong", "wrong LDM entries: false, missing or displaced", 1),
+    for measure, key, title, short, digits in (
+        (
+            *(_position_error, "own_place_m", "error of the position estimate [m]"),
+            *("error of the position\nestimate [m]", 2),
+        ),
+        (
+            *(_wrong_entries, "map_wrong", "wrong LDM entries: false, missing or displaced"),
+            *("wrong entries of the\nLocal Dynamic Map", 1),
+        ),
     ):
         if all(name in one.topics for one in (clean, reader) for name in needed[measure]):
             before, after = (measure(one, vehicle, window).within(window) for one in (clean, reader))
-            yield Effect(key, title, digits, before, after)
+            yield Effect(key, title, short, digits, before, after)
     if counts := touched_points(bag, vehicle):
         touched = _series(counts).within(window)
         none = Series(touched.times_ns, np.zeros(len(touched.values)))
-        yield Effect("points_touched", "points changed per cloud", 0, none, touched, True)
+        title, short = "points changed per cloud", "points changed\nper cloud"
+        yield Effect("points_touched", title, short, 0, none, touched, True)
 
     if detected is not None and detected.vehicle == vehicle:
         before, after = (_missed(detected.frames, condition).within(window) for condition in ("clean", "adv"))
-        yield Effect("objects_missed", "evaluated objects missed per cloud", 1, before, after, True)
+        title, short = "evaluated objects missed per cloud", "evaluated objects\nmissed per cloud"
+        yield Effect("objects_missed", title, short, 1, before, after, True)
 
 
 def _missed(frames: Sequence[FrameRow], condition: str) -> Series:

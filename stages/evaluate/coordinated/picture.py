@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline
 from advpipe.stages.evaluate.coordinated.effects import Effect
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
@@ -27,8 +30,8 @@ def draw_coordinated(
     """
     from advpipe.pipeline.core.figure import Figure
 
-    heights = [0.3 + 0.4 * len(timelines), *(1.1 for _ in effects)]
-    size = (11.0, sum(heights) + 1.0)
+    heights = [0.1 + 0.21 * len(timelines), *(0.52 for _ in effects)]
+    size = (11.0, sum(heights) + 0.75)
     figure = Figure(figsize=size, dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[
         :, 0
@@ -46,19 +49,26 @@ def draw_coordinated(
     events.set_yticks(list(rows), [f"{' + '.join(one.attacks)}: {one.what}" for one in timelines])
     events.set_ylim(-0.6, len(timelines) - 0.4)
     for axes, effect in zip(curves, effects, strict=True):
-        for series, colour, label in (
-            (effect.clean, BASELINE, "clean"),
-            (effect.attacked, PREDICTION, "attacked"),
-        ):
-            times_s = (series.times_ns - start_ns) / 1e9
-            if effect.is_by_cloud:
-                axes.vlines(times_s, 0, series.values, colors=colour, linewidth=1.3)
-                axes.plot(times_s, series.values, "o", color=colour, markersize=3, label=label)
-            else:
-                axes.plot(times_s, series.values, color=colour, label=label, linewidth=1.3)
-        axes.set_title(effect.title, loc="left", fontsize=10, color=INK)
-        axes.set_ylim(bottom=0)
+        _draw_effect(axes, effect, start_ns)
     if curves:
-        curves[0].legend(fontsize=8, frameon=False, loc="upper left")
+        handles, labels = curves[0].get_legend_handles_labels()
+        figure.legend(handles, labels, fontsize=9, frameon=False, loc="lower left", ncols=1)
     panels[-1].set_xlabel("time of the recording [s]; shaded: all attacks are active", color=SOFT)
     return figure
+
+
+def _draw_effect(axes: Axes, effect: Effect, start_ns: int) -> None:
+    """The attacked values in red upon wider clean ones in grey."""
+    for series, colour, label, width in (
+        (effect.clean, BASELINE, "clean", 3.0),
+        (effect.attacked, PREDICTION, "attacked", 1.2),
+    ):
+        times_s = (series.times_ns - start_ns) / 1e9
+        if effect.is_by_cloud:
+            axes.vlines(times_s, 0, series.values, colors=colour, linewidth=width)
+            axes.plot(times_s, series.values, "o", color=colour, markersize=2 + width, label=label)
+        else:
+            axes.plot(times_s, series.values, color=colour, label=label, linewidth=width)
+    axes.set_ylabel(effect.short_title, rotation=0, ha="right", va="center", fontsize=9, color=INK)
+    axes.yaxis.set_major_locator(MaxNLocator(2, integer=True))
+    axes.set_ylim(bottom=0)

@@ -36,6 +36,7 @@ class CloudResult:
     points_removed: int = 0
     points_added: int = 0
     points_moved: int = 0
+    intensities_changed: int = 0
     displacement: Displacement = field(default_factory=Displacement)
     chamfer_distance_m2: float = 0.0
 

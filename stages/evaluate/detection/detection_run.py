@@ -219,6 +219,7 @@ def _cloud_result(
         points_removed=len(change.removed),
         points_added=len(change.added),
         points_moved=len(change.moved),
+        intensities_changed=len(change.intensity_changed),
         displacement=Displacement.of(clean, cloud, change),
         # Of a cloud that is as it was, there is no distance to ask for; it may have no points at all.
         chamfer_distance_m2=chamfer_distance(finite_xyz(clean), finite_xyz(cloud)) if is_changed else 0.0,

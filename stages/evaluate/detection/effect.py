@@ -45,9 +45,11 @@ def effect_records(
 
 
 def _is_attacked(frame: FrameResult) -> bool:
-    """Whether points of the cloud were removed, added or moved."""
+    """Whether points of the cloud were removed, added or moved, or got another intensity."""
     cloud = frame.adversarial
-    return cloud is not None and cloud.points_removed + cloud.points_added + cloud.points_moved > 0
+    if cloud is None:
+        return False
+    return bool(cloud.points_removed or cloud.points_added or cloud.points_moved or cloud.intensities_changed)
 
 
 def _record(

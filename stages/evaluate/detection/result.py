@@ -20,8 +20,11 @@ from advpipe.stages.evaluate.detection.metrics import (
 from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.uncounted_notes import uncounted_notes
 
-MIN_BLOCKS, FEW_BLOCKS = 6, 10
-"""With fewer blocks of frames, tables show no interval: it would be too narrow; or intervals are rough."""
+MIN_BLOCKS = 6
+"""With fewer blocks of frames, reports show no interval: it would be too narrow."""
+
+FEW_BLOCKS = 10
+"""With fewer blocks, intervals are rough."""
 
 
 def result_row(

@@ -56,7 +56,7 @@ def localisation_record(
     known, alarm = np.isfinite(adversarial.nis), adversarial.nis > gate()
     caught = adversarial.times_ns[attacked & alarm]
     everything = np.ones(len(attacked), dtype=bool)
-    under_attack = errors(adversarial, span)
+    clean_all, adversarial_all = errors(clean, everything), errors(adversarial, everything)
     off_m = np.linalg.norm(adversarial.error_m[span][:, :2], axis=1)
     detection_rate = _share(alarm[attacked & known])
     return LocalisationRecord(
@@ -67,9 +67,11 @@ def localisation_record(
         lost=int((attacked & ~known).sum()),
         span_s=float(span_ns[-1] - span_ns[0]) / 1e9 if len(span_ns) else 0.0,
         clean=errors(clean, span),
-        adversarial=under_attack,
-        ate_clean_m=errors(clean, everything).ate_m,
-        ate_m=errors(adversarial, everything).ate_m,
+        adversarial=errors(adversarial, span),
+        clean_all=clean_all,
+        adversarial_all=adversarial_all,
+        ate_clean_m=clean_all.ate_m,
+        ate_m=adversarial_all.ate_m,
         detection_rate=detection_rate,
         stealth_rate=1 - detection_rate,
         false_alarm_rate=_share(clean.nis[np.isfinite(clean.nis)] > gate()),

@@ -24,7 +24,7 @@ def draw_localisation(
 
     attacked: (K,), the steps whose fix is false or missing. of_what: the part of the drive that they cover.
     """
-    figure = Figure(figsize=(11.5, 6.6), dpi=110, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(11.5, 5.4), dpi=110, facecolor="white", layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.2))
     whole, near = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     for axes in (whole, near):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +38,8 @@ FORMULAS = (
     ),
     Formula(
         "ate",
-        "absolute trajectory error: root mean square of estimate minus truth over the {of_what}, height "
-        "included, without alignment",
+        "absolute trajectory error: root mean square of estimate minus truth, height included, without "
+        "alignment; in report.json over the {of_what}",
         ("ate_clean_m", "ate_m"),
     ),
     Formula(
@@ -84,7 +85,7 @@ def localisation_sections(
             title="Localisation under GPS attacks",
             lead="The vehicles' own filters run again on the fixes of each bag. The threshold of the "
             f"innovation test is {gate():.2f}.",
-            tables=(_error_table(rows, of_what), _detection_table(rows)),
+            tables=(_error_table(rows), _detection_table(rows)),
             pictures=tuple(pictures),
             records=tuple(rows),
             formulas=tuple(
@@ -121,7 +122,8 @@ def _compare(
         row = localisation_record(name, vehicle, before, after, attacked_ns)
         figure = draw_localisation(before, after, was_attacked(before, attacked_ns), of_what)
         caption = f"{name}: trajectory of {vehicle}, its localisation error and its innovations over time"
-        yield row, picture_of(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, figure)
+        picture = picture_of(SECTION, name, f"{name}-{vehicle}-localisation.png", caption, figure)
+        yield row, replace(picture, is_worst=True)
 
 
 def _attacked_vehicles(
@@ -140,31 +142,37 @@ def _attacked_vehicles(
             yield vehicle, attacked_ns
 
 
-def _error_table(rows: Sequence[LocalisationRecord], of_what: str) -> Table:
-    heads = ("bag", "vehicle", "fixes attacked", "fixes lost", "mean m", "RMSE m", "max m")
+def _error_table(rows: Sequence[LocalisationRecord]) -> Table:
+    """A line of the errors while attacked and, where that is not all of the time, one of all errors."""
     lines = []
     for row in rows:
-        pairs = zip(
-            (row.clean.mean_m, row.clean.rmse_m, row.clean.max_m),
-            (row.adversarial.mean_m, row.adversarial.rmse_m, row.adversarial.max_m),
-            strict=True,
-        )
-        lateral = _pair(row.clean.lateral_mean_m, row.adversarial.lateral_mean_m)
-        lines.append(
-            (
-                row.bag,
-                row.vehicle,
-                f"{row.attacked} of {row.fixes}",
-                str(row.lost),
-                *(_pair(*pair) for pair in pairs),
-                lateral,
-                _pair(row.clean.lateral_max_m, row.adversarial.lateral_max_m),
-                _pair(row.ate_clean_m, row.ate_m),
+        spans = {
+            "attacked": (row.clean, row.adversarial),
+            "all": (row.clean_all, row.adversarial_all),
+        }
+        if row.adversarial == row.adversarial_all:
+            spans.pop("attacked")
+        about = (row.bag, row.vehicle, f"{row.attacked} of {row.fixes}", str(row.lost))
+        for number, (span, (clean, attacked)) in enumerate(spans.items()):
+            lines.append(
+                (
+                    *(about if number == 0 else ("", "", "", "")),
+                    span,
+                    _pair(clean.mean_m, attacked.mean_m),
+                    _pair(clean.rmse_m, attacked.rmse_m),
+                    _pair(clean.max_m, attacked.max_m),
+                    _pair(clean.lateral_mean_m, attacked.lateral_mean_m),
+                    _pair(clean.lateral_max_m, attacked.lateral_max_m),
+                    _pair(clean.ate_m, attacked.ate_m),
+                )
             )
-        )
-    title = "Error of the estimate while attacked (clean → attacked)"
-    ate = f"ATE of the {of_what.removeprefix('whole ')} m"
-    return Table(title, (*heads, "lateral, mean m", "lateral, max m", ate), tuple(lines))
+    heads = (
+        *("bag", "vehicle", "fixes attacked", "fixes lost", "time", "mean m", "RMSE m", "max m"),
+        *("lateral, mean m", "lateral, max m", "ATE m"),
+    )
+    note = "Attacked: from the first attacked fix to the last."
+    is_part = any(line[4] == "attacked" for line in lines)
+    return Table("Error of the position estimate (clean → attacked)", heads, tuple(lines), note * is_part)
 
 
 def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:

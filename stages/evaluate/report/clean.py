@@ -6,14 +6,12 @@ from collections.abc import Sequence
 
 from advpipe.pipeline.results.metrics import Interval
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE, Precision
-from advpipe.stages.evaluate.detection.result import MIN_BLOCKS
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import (
     formatted_number,
     interval,
-    no_interval,
     shown_interval,
 )
 from advpipe.stages.evaluate.report.section import Table
@@ -71,8 +69,6 @@ def lead(summary: Summary) -> str:
     if ("strict", "car") in found.ap:
         text += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
         text += _in_brackets(found.strict_ci95["car"], summary)
-    if counts.blocks < MIN_BLOCKS:
-        text += f"; {no_interval(counts)}"
     return text + f". Strict 3D, R40, {counts.frames} frames."
 
 

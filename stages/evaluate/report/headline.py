@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.v2x import V2xRecord
 from advpipe.stages.evaluate.report.headline_detection import clean_headline, detection_headline
-from advpipe.stages.evaluate.report.headline_parts import Card, Headline
-from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number
+from advpipe.stages.evaluate.report.headline_messages import localisation_headline, v2x_headline
+from advpipe.stages.evaluate.report.headline_parts import Headline
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_name
-from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import changed_points
 
 MOST_NAMES = 3
@@ -20,10 +20,12 @@ MOST_NAMES = 3
 
 @dataclass(frozen=True)
 class FirstScreen:
-    """title: what was done. about: on what, in a line. headlines: one for each family of attacks."""
+    """title: what was done. about: on what, in a line. verdicts: how bad it is, in a sentence or two each.
+    headlines: one for each family of attacks."""
 
     title: str
     about: str
+    verdicts: tuple[str, ...]
     headlines: tuple[Headline, ...]
 
 
@@ -32,16 +34,33 @@ def first_screen(report: Report) -> FirstScreen:
     headlines = tuple(_headlines(report))
     if not headlines and report.results:
         headlines = (clean_headline(report.results[0]),)
-    return FirstScreen(_title(report, headlines), _about(report), headlines)
+    verdicts = tuple(headline.verdict for headline in headlines)
+    if _is_one_coordinated_attack(report):
+        verdicts = (f"The attack {_listed([headline.clause for headline in headlines])}.",)
+    return FirstScreen(_title(report, headlines), _about(report), verdicts, headlines)
 
 
 def _headlines(report: Report) -> Iterator[Headline]:
     if any(row.attacked for row in report.results):
         yield detection_headline(report)
     if positions := report.listed(LocalisationRecord):
-        yield _localisation_headline(positions)
-    if drives := [each for each in report.listed(V2xRecord) if each.attack]:
-        yield _v2x_headline(drives, report)
+        yield localisation_headline(positions)
+    spoofed = {each.bag for each in positions}
+    drives = [each for each in report.listed(V2xRecord) if each.attack]
+    # False fixes change the vehicle's own CAMs, too: without a false message received, that is no V2X attack.
+    if own := [each for each in drives if each.false_messages or each.bag not in spoofed]:
+        clean = {each.vehicle: each for each in report.listed(V2xRecord) if not each.attack}
+        yield v2x_headline(own, clean)
+
+
+def _is_one_coordinated_attack(report: Report) -> bool:
+    bags = {each.bag for each in report.listed(CoordinatedRecord)}
+    return len(bags) == 1 == sum(1 for each in report.origin.compared if each.sha256)
+
+
+def _listed(parts: Sequence[str]) -> str:
+    *first, last = parts
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
@@ -53,14 +72,14 @@ def _title(report: Report, headlines: tuple[Headline, ...]) -> str:
     if not names:
         detectors = ", ".join(each.name for each in report.origin.detectors)
         return f"What detector {detectors} finds on the drive {drive}" if detectors else f"The drive {drive}"
-    *first, last = (headline.target for headline in headlines)
-    targets = f"{', '.join(first)} and {last}" if first else last
-    title = f"{len(names)} attacks on {targets}" if len(names) > 1 else f"Attack {names[0]}"
-    if len(names) == 1 and len(headlines) > 1:
-        title = f"Coordinated attack on {targets}: {names[0].partition(',')[0].replace('+', ' + ')}"
-    elif len(attacked) == 1 and len(names) == 1 and (done := changed_points(attacked[0])):
-        title += f": {done.passive}"
-    return f"{title}, drive {drive}"
+    targets = _listed([headline.target for headline in headlines])
+    if len(names) > 1:
+        return f"{len(names)} attacks on {targets}, drive {drive}"
+    if _is_one_coordinated_attack(report):
+        return f"Coordinated attack on {targets}, drive {drive}"
+    done = changed_points(attacked[0]) if len(attacked) == 1 else None
+    about = done.passive if done else headlines[0].done
+    return f"Attack {names[0]}{f': {about}' if about else ''}, drive {drive}"
 
 
 def _about(report: Report) -> str:
@@ -77,113 +96,3 @@ def _about(report: Report) -> str:
         counts = report.results[0].counts
         parts.append(f"{counts.frames:,} frames with {counts.objects:,} evaluated objects")
     return "; ".join(parts)
-
-
-def _localisation_headline(records: list[LocalisationRecord]) -> Headline:
-    """Of the attack with the largest error; all of them in a table."""
-    known = [each for each in records if each.adversarial.max_m == each.adversarial.max_m] or records
-    worst = max(known, key=lambda each: each.adversarial.max_m)
-    clean, attacked = worst.clean, worst.adversarial
-    verdict = (
-        f"Attack {worst.bag} puts {worst.vehicle}'s position estimate up to "
-        f"{_number(attacked.max_m, 1)} m off, {_number(attacked.mean_m, 1)} m in the mean; in the clean "
-        f"drive it is up to {_number(clean.max_m, 1)} m off. The innovation test flags "
-        f"{_number(100 * worst.detection_rate, 0)} % of the attacked fixes."
-    )
-    cards = (
-        Card("Largest position error", _metres(attacked.max_m), beside=f"clean: {_metres(clean.max_m)}"),
-        Card("Mean position error", _metres(attacked.mean_m), beside=f"clean: {_metres(clean.mean_m)}"),
-        Card(
-            "Attacked fixes flagged",
-            f"{_number(100 * worst.detection_rate, 1)} %",
-            beside=f"clean fixes flagged: {_number(100 * worst.false_alarm_rate, 2)} %",
-            meaning="by the innovation test",
-        ),
-    )  # fmt: skip
-    heads = ("attack", "vehicle", "max error m", "mean error m", "clean, max m", "flagged %")
-    lines = tuple(
-        (
-            each.bag,
-            each.vehicle,
-            _number(each.adversarial.max_m, 2),
-            _number(each.adversarial.mean_m, 2),
-            _number(each.clean.max_m, 2),
-            _number(100 * each.detection_rate, 1),
-        )
-        for each in records
-    )
-    table = Table("Localisation under each GPS attack", heads, lines) if len(records) > 1 else None
-    return Headline(
-        verdict, cards, table, "localisation", "GPS", tuple(dict.fromkeys(each.bag for each in records))
-    )
-
-
-def _v2x_headline(records: list[V2xRecord], report: Report) -> Headline:
-    """Of the attack whose false messages are flagged least; all of them in a table."""
-    known = [each for each in records if each.ours.recall == each.ours.recall] or records
-    worst = min(known, key=lambda each: (each.ours.recall, -each.ldm.false_entries))
-    clean = {each.vehicle: each for each in report.listed(V2xRecord) if not each.attack}
-    before = clean[worst.vehicle].ldm if worst.vehicle in clean else None
-    wrong = worst.ldm.false_entries + worst.ldm.missing + worst.ldm.displaced
-    wrong_clean = before.false_entries + before.missing + before.displaced if before else float("nan")
-    flagged = (
-        f"Of the {worst.false_messages:,} false messages that vehicles receive from attack {worst.attack}, "
-        f"the receivers' checks flag {_percent(worst.ours.recall)} (baseline: "
-        f"{_percent(worst.baseline.recall)})."
-        if worst.false_messages
-        else "No instrumented vehicle receives a false message here."
-    )
-    verdict = (
-        f"{flagged} {worst.vehicle}'s Local Dynamic Map holds "
-        f"{_number(wrong, 1)} wrong entries in the mean, in the clean drive {_number(wrong_clean, 1)}."
-    )
-    cards = (
-        Card(
-            "False messages flagged",
-            _percent(worst.ours.recall),
-            beside=f"baseline: {_percent(worst.baseline.recall)}",
-            meaning="recall of the misbehaviour detection",
-        ),
-        Card(
-            "Flagged messages that are false",
-            _percent(worst.ours.precision),
-            beside=f"baseline: {_percent(worst.baseline.precision)}",
-            meaning="precision of the misbehaviour detection",
-        ),
-        Card(
-            "Wrong entries of the map",
-            _number(wrong, 1),
-            beside=f"clean: {_number(wrong_clean, 1)}",
-            meaning=f"false, missing and displaced entries of {worst.vehicle}'s Local Dynamic Map (mean)",
-        ),
-    )  # fmt: skip
-    heads = ("attack", "receiver", "false messages", "flagged %", "precision %", "F1", "false map entries")
-    lines = tuple(
-        (
-            each.bag,
-            each.vehicle,
-            f"{each.false_messages:,}",
-            _percent(each.ours.recall),
-            _percent(each.ours.precision),
-            _number(each.ours.f1, 3),
-            _number(each.ldm.false_entries, 1),
-        )
-        for each in records
-    )
-    table = Table("False messages of each attack", heads, lines) if len(records) > 1 else None
-    return Headline(
-        verdict, cards, table, "v2x", "V2X messages", tuple(dict.fromkeys(each.bag for each in records))
-    )
-
-
-def _number(value: float, digits: int) -> str:
-    return formatted_number(value, digits)
-
-
-def _metres(value: float) -> str:
-    return formatted_number(value, 2, " m")
-
-
-def _percent(share: float) -> str:
-    text = formatted_number(100 * share, 1)
-    return text if text == NOTHING else f"{text} %"

@@ -53,8 +53,17 @@ def detection_headline(report: Report) -> Headline:
         _with_attacked_frames(card, value, over_attacked)
         for card, value in zip(found, (_strict_ratio, _loose_ratio, _lost_share), strict=True)
     )
-    table = _table(report, rows) if len(rows) > 1 else None
-    return Headline(_verdict(row, attack, effects, len(rows)), cards, table, "attack_effects", "LiDAR clouds")
+    left = f"leaves the detector {_left(attack)}"
+    return Headline(
+        _verdict(row, attack, effects, len(rows)),
+        cards,
+        clause=left,
+        shown=f"{attack_title(row.attack)}, the strongest of {len(rows)} attacks" if len(rows) > 1 else "",
+        table=_table(report, rows) if len(rows) > 1 else None,
+        bag=row.bag,
+        section="attack_effects",
+        target="LiDAR clouds",
+    )
 
 
 def clean_headline(row: ResultRow) -> Headline:
@@ -100,7 +109,8 @@ def _with_attacked_frames(card: Card, value: Value, records: Sequence[EffectReco
     if not records:
         return card
     (record,) = records
-    text = f"over the {record.frame_count:,} attacked frames alone: {_percent(value(record))}"
+    frames = f"{record.frame_count:,} attacked frame{'' if record.frame_count == 1 else 's'}"
+    text = f"over the {frames} alone: {_percent(value(record))}"
     return replace(card, attacked=text)
 
 
@@ -125,18 +135,27 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
     if attack_count > 1:
         title = attack_title(row.attack)
         subject = f"{subject[0].lower()}{subject[1:]} ({title})" if done else title
-        subject = f"The strongest of {attack_count} attacks on the clouds: {subject}"
+        subject = f"The strongest of {attack_count} attacks: {subject}"
     if row.clean.means["strict"].map_r40 == 0:
         return f"{subject}: the mAP ratio is {UNDEFINED_RATIO}."
-    text = (
-        f"{subject} leaves the detector {_percent(attack.map_ratio_percent)} of its average precision at "
-        f"strict overlap and {_percent(attack.map_loose_ratio_percent)} at loose overlap"
-    )
-    if strongest := _strongest(effects, _strict_ratio):
-        loose = _strongest(effects, _loose_ratio)
-        text += f"; {_name(strongest, row)} of the same budget leaves {_percent(strongest.map_ratio_percent)}"
-        text += f" and {_percent(loose.map_loose_ratio_percent)}" if loose else ""
+    text = f"{subject} leaves the detector {_left(attack)}"
+    strict, loose = _strongest(effects, _strict_ratio), _strongest(effects, _loose_ratio)
+    if strict and loose:
+        both = (_percent(strict.map_ratio_percent), _percent(loose.map_loose_ratio_percent))
+        names = (_name(strict, row), _name(loose, row))
+        text += "; the strongest random baseline of the same budget leaves "
+        if names[0] == names[1]:
+            text += f"{both[0]} and {both[1]} ({names[0]})"
+        else:
+            text += f"{both[0]} ({names[0]}) and {both[1]} ({names[1]})"
     return text + "."
+
+
+def _left(attack: EffectRecord) -> str:
+    return (
+        f"{_percent(attack.map_ratio_percent)} of its average precision at strict overlap and "
+        f"{_percent(attack.map_loose_ratio_percent)} at loose overlap"
+    )
 
 
 def _ratio_card(
@@ -149,11 +168,10 @@ def _ratio_card(
         title,
         _percent(value(attack)),
         _bounds(row, attack, criterion),
-        f"{_name(strongest, row)}: {_percent(value(strongest))}" + _in_brackets(strongest, criterion)
-        if strongest
-        else "",
+        _beside(strongest, value, criterion),
         "of the clean mAP is left; lower is worse for the detector",
         "map_ratio" if criterion == "strict" else "iou",
+        compared=_name(strongest, row) if strongest else "",
     )
 
 
@@ -163,12 +181,11 @@ def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRec
         "Objects lost",
         _percent(attack.lost_percent),
         _bounds(row, attack, "lost"),
-        f"{_name(strongest, row)}: {_percent(strongest.lost_percent)}" + _in_brackets(strongest, "lost")
-        if strongest
-        else "",
+        _beside(strongest, _lost_share, "lost"),
         f"{attack.lost_objects:,} of {attack.found_clean:,} found objects are not found any more; "
         f"{attack.displaced_objects:,} more are displaced",
         "lost",
+        compared=_name(strongest, row) if strongest else "",
     )
 
 
@@ -179,8 +196,16 @@ def _interval_of(each: EffectRecord, what: str) -> str:
 
 
 def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
-    shown = _interval_of(each, what)
-    return f"95 % interval {shown}" if shown else no_interval(row.counts)
+    """The interval; where there is none, the first card says why."""
+    if shown := _interval_of(each, what):
+        return f"95 % interval {shown}"
+    return no_interval(row.counts) if what == "strict" else ""
+
+
+def _beside(baseline: EffectRecord | None, value: Value, what: str) -> str:
+    if baseline is None:
+        return ""
+    return f"strongest random baseline: {_percent(value(baseline))}" + _in_brackets(baseline, what)
 
 
 def _in_brackets(each: EffectRecord, what: str) -> str:
@@ -190,18 +215,17 @@ def _in_brackets(each: EffectRecord, what: str) -> str:
 
 def _map_card(title: str, mean: CleanMeans, counts: FrameCounts, term: str) -> Card:
     cell = interval_cell(mean.map_r40_ci95, counts, 3)
-    bounds = cell if cell.startswith(NO_INTERVAL) else f"95 % interval {cell}"
+    has_none = cell.startswith(NO_INTERVAL)
+    bounds = (cell if term == "map" else "") if has_none else f"95 % interval {cell}"
     return Card(title, formatted_number(mean.map_r40, 3), bounds, term=term)
 
 
-def _name(baseline: EffectRecord | None, row: ResultRow) -> str:
-    """Such as `the best of 13 random draws near objects`."""
-    if baseline is None:
-        return ""
+def _name(baseline: EffectRecord, row: ResultRow) -> str:
+    """Such as `best of 13 draws near objects`."""
     where = baseline_title(baseline.condition.removesuffix(BEST)).removeprefix("randomly").lstrip(", ")
     if baseline.condition.endswith(BEST):
-        return f"the best of {row.attack.baseline_tries} random draws {where}"
-    return f"one random draw {where}"
+        return f"best of {row.attack.baseline_tries} draws {where}"
+    return f"one draw {where}"
 
 
 def _table(report: Report, rows: Sequence[ResultRow]) -> Table:

@@ -10,8 +10,8 @@ from advpipe.stages.evaluate.report.section import Table
 @dataclass(frozen=True)
 class Card:
     """One of the main values. interval: its 95 % interval, or why there is none; beside: what it is compared
-    with; attacked: the value over the attacked frames alone, where these are not all; term: name of the
-    definition that it is linked with."""
+    with, and compared: more on that; attacked: the value over the attacked frames alone, where these are not
+    all; term: name of the definition that it is linked with."""
 
     title: str
     value: str
@@ -20,17 +20,26 @@ class Card:
     meaning: str = ""
     term: str = ""
     attacked: str = ""
+    compared: str = ""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What one family of attacks did. table: one line an attack, where there are several. section: the id of
-    the part of the page that tells more. target: what they change. attacks: their names, as a title
-    lists them."""
+    """What one family of attacks did.
+
+    done: what the attack did, as a title has it. clause: the verdict after the words "the attack". shown: the
+    attack that the cards are of, where there are several. table: one line an attack, where there are several.
+    bag: of the attack on the cards. section: the id of the part of the page that tells more. target: what
+    the attacks change. attacks: their names, as a title lists them.
+    """
 
     verdict: str
     cards: tuple[Card, ...]
+    done: str = ""
+    clause: str = ""
+    shown: str = ""
     table: Table | None = None
+    bag: str = ""
     section: str = ""
     target: str = ""
     attacks: tuple[str, ...] = ()

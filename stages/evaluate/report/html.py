@@ -22,8 +22,7 @@ from advpipe.stages.evaluate.report.clean import (
     of_first_detector,
     strata_tables,
 )
-from advpipe.stages.evaluate.report.headline import first_screen
-from advpipe.stages.evaluate.report.headline_detection import strongest_attack
+from advpipe.stages.evaluate.report.headline import FirstScreen, first_screen
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.outcomes import outcomes_table
 from advpipe.stages.evaluate.report.page import rendered
@@ -56,7 +55,11 @@ def write_html(
     timelines = [each for section in report.sections if section.key == TIMELINE for each in section.pictures]
     page = rendered(
         TEMPLATE.read_text(encoding="utf-8"),
-        {"shown": partial(shown_table, formulas=report.formulas), "anchor": _anchor},
+        {
+            "shown": partial(shown_table, formulas=report.formulas),
+            "anchor": _anchor,
+            "unbroken": _unbroken,
+        },
         css=Markup(STYLE.read_text(encoding="utf-8")),
         first=first,
         contents=_contents(report, sections, clean_sections, overview, viewer),
@@ -67,7 +70,7 @@ def write_html(
         lost=lost_of(report),
         viewer=viewer,
         overview=overview,
-        worst=_worst(report, pictures) if not timelines else None,
+        worst=_worst(first, report, pictures) if not timelines else None,
         timelines=timelines,
         clean_sections=clean_sections,
         added=report.sections,
@@ -123,10 +126,16 @@ def _contents(
     return [*parts, ("definitions", "How the metrics are computed"), ("provenance", "Provenance")]
 
 
-def _worst(report: Report, pictures: Sequence[ReportPicture]) -> ReportPicture | None:
-    """The worst frame of the strongest attack, or of the clean bag where its clouds were not attacked."""
-    bag = strongest_attack(report).bag if any(row.attacked for row in report.results) else ""
-    return next((each for each in pictures if each.is_worst and bag in ("", each.bag)), None)
+def _worst(first: FirstScreen, report: Report, pictures: Sequence[ReportPicture]) -> ReportPicture | None:
+    """The picture of the worst that the first headline's attack did, or of the worst clean frame."""
+    bags = ("", first.headlines[0].bag) if first.headlines else ()
+    drawn = [*pictures, *(each for section in report.sections for each in section.pictures)]
+    return next((each for each in drawn if each.is_worst and (bags[-1:] == ("",) or each.bag in bags)), None)
+
+
+def _unbroken(text: str) -> str:
+    """The text in which no line ends between a number and its unit, or within an interval."""
+    return re.sub(r"(?<=\d) (?=(?:%|m|s)(?!\w))", "\u00a0", text).replace("…", "\u2060…\u2060")
 
 
 def _anchor(name: str) -> str:

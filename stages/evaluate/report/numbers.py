@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from advpipe.pipeline.results.metrics import Interval
 from advpipe.pipeline.results.row import FrameCounts
-from advpipe.stages.evaluate.detection.result import MIN_BLOCKS as MIN_BLOCKS
+from advpipe.stages.evaluate.detection.result import MIN_BLOCKS
 
 NOTHING = "–"
 

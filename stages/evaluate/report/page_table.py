@@ -47,30 +47,23 @@ class ShownTable:
 def shown_table(table: Table, formulas: Mapping[str, str]) -> ShownTable:
     """The table without columns that hold nothing; formulas: the definitions of its report, by name.
 
-    A column in which every line says that there is no interval becomes a note.
+    A column in which every line says that there is no interval holds nothing: the first screen says why.
     """
     columns = [[line[place] for line in table.lines] for place in range(len(table.heads))]
     kept = [place for place, cells in enumerate(columns) if place == 0 or not all(map(_says_nothing, cells))]
-    reasons = dict.fromkeys(
-        cell
-        for place, cells in enumerate(columns)
-        if place not in kept
-        for cell in cells
-        if cell.startswith(NO_INTERVAL)
-    )
-    note = " ".join([*([f"{'; '.join(reasons).capitalize()}."] if reasons else []), table.note]).strip()
     return ShownTable(
         table.title,
         tuple(_head(table.heads[place], columns[place], place, formulas) for place in kept),
         tuple((_looks(line), tuple(line[place].strip() for place in kept)) for line in table.lines),
-        note,
+        table.note,
     )
 
 
 def _head(text: str, cells: Sequence[str], place: int, formulas: Mapping[str, str]) -> Head:
     term = _term(text, formulas)
-    is_text = place == 0 or not any(_NUMBER.match(cell.strip()) for cell in cells)
-    return Head(text, is_text, term, formulas.get(term, ""))
+    said = [cell.strip() for cell in cells if not _says_nothing(cell)]
+    is_text = place == 0 or 2 * sum(1 for cell in said if _NUMBER.match(cell)) < len(said)
+    return Head(_UNIT.sub("\u00a0\\1", text), is_text, term, formulas.get(term, ""))
 
 
 def _term(head: str, formulas: Mapping[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""The pictures of a report, as PNG, SVG and PDF."""
+"""The pictures of a report, as PNG and SVG."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from advpipe.stages.evaluate.report.strata_plot import draw_strata
 WORST, BEST = 3, 1
 WORST_CLEAN, BEST_CLEAN = 2, 2
 
-POINTS_DPI = 220
+POINTS_DPI = 150
 """Of the points of clouds in vector pictures, where they are pixels."""
 
 
@@ -91,7 +91,7 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
     for which, frames in (("Worst", worst), ("Best", best)):
         for rank, frame in enumerate(frames):
             scene = load_scene(clean, summary, frame, lidar_topic)
-            caption = f"{which} frames: {scene.title}"
+            caption = f"{which} frame: {scene.title}"
             drawn = picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
             yield replace(drawn, is_worst=which == "Worst" and rank == 0)
 
@@ -99,11 +99,9 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
 def picture_of(
     section: str, bag: str, file_name: str, caption: str, figure: Figure, is_wide: bool = True
 ) -> ReportPicture:
-    """The figure in all formats; file_name: of the PNG."""
-    png = to_png(figure)
-    return ReportPicture(
-        section, bag, file_name, caption, png, is_wide, svg=to_svg(figure), pdf=to_pdf(figure)
-    )
+    """The figure as PNG and SVG; file_name: of the PNG."""
+    figure.lay_out()
+    return ReportPicture(section, bag, file_name, caption, to_png(figure), is_wide, svg=to_svg(figure))
 
 
 def to_png(figure: Figure) -> bytes:
@@ -118,12 +116,12 @@ def to_svg(figure: Figure) -> bytes:
 
 
 def to_pdf(figure: Figure) -> bytes:
-    """The figure as PDF, the same bytes for the same figure; its fonts are embedded as TrueType."""
+    """The figure as PDF, the same bytes for the same figure."""
     return _saved(figure, "pdf", {"CreationDate": None}, dpi=POINTS_DPI)
 
 
 def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: float | str = "figure") -> bytes:
     stream = io.BytesIO()
-    with rc_context({"font.family": "DejaVu Sans", "svg.hashsalt": "advpipe", "pdf.fonttype": 42}):
+    with rc_context({"font.family": "DejaVu Sans", "svg.hashsalt": "advpipe"}):
         figure.savefig(stream, format=kind, metadata=metadata, dpi=dpi)
     return stream.getvalue()

@@ -24,12 +24,16 @@ class Formula(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text: a title, column heads, lines of as many cells, and what the columns mean."""
+    """A table of text: a title, column heads, lines of as many cells, and what the columns mean.
+
+    is_detail: of use to few readers; the page shows it when it is asked for.
+    """
 
     title: str
     heads: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
     note: str = ""
+    is_detail: bool = False
 
 
 MOST_SVG_BYTES = 300_000
@@ -38,7 +42,7 @@ MOST_SVG_BYTES = 300_000
 
 @dataclass(frozen=True)
 class ReportPicture:
-    """One picture of the report, as PNG and, where it was drawn by this report, as SVG and PDF.
+    """One picture of the report, as PNG and, where it was drawn by this report, as SVG.
 
     bag: whose clouds it shows; in a clean section, the first bag with these frames. file_name: of the PNG.
     is_worst: shows the worst frame of its bag.
@@ -51,7 +55,6 @@ class ReportPicture:
     png: bytes
     is_wide: bool = True
     svg: bytes = b""
-    pdf: bytes = b""
     is_worst: bool = False
 
     @property
@@ -65,7 +68,7 @@ class ReportPicture:
     def files(self) -> dict[str, bytes]:
         """Each format that there is, by its file's name."""
         stem = self.file_name.removesuffix(".png")
-        formats = {self.file_name: self.png, f"{stem}.svg": self.svg, f"{stem}.pdf": self.pdf}
+        formats = {self.file_name: self.png, f"{stem}.svg": self.svg}
         return {name: content for name, content in formats.items() if content}
 
 

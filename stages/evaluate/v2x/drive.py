@@ -63,20 +63,29 @@ class EvaluatedDrive:
         return error.false_entries + error.missing + error.displaced
 
     @property
+    def attacked_ns(self) -> tuple[int, int] | None:
+        """When the first attacked message was sent, and when the last; None where none was."""
+        times_ns = [label.time_ns for label in self.labels]
+        return (min(times_ns), max(times_ns)) if times_ns else None
+
+    @property
     def most_affected_listener(self) -> str | None:
         """The listener whose map is the most wrong; None in a drive without any."""
         return max(self.errors, key=lambda one: float(np.nansum(self.wrong(one))), default=None)
 
     def maps_around_attack(self, listener: str) -> tuple[Moment, Moment]:
-        """The last map before the first false message, or the first of all; and the one with most wrong
-        entries from then to the last false message, or after it if none was recorded in between."""
+        """The last map before the first false message, or the first of all; and the one with most false
+        entries nearby, or as many and more wrong ones, from then to the last false message, or after it if
+        none was recorded in between."""
         found = self.moments[listener]
         false_ns = [label.time_ns for label in self.labels] or [0]
         times_ns = np.array([moment.time_ns for moment in found])
         before = np.flatnonzero(times_ns <= min(false_ns))
         after = times_ns > min(false_ns)
         during = after & (times_ns <= max(false_ns))
-        worst = int(np.argmax(np.where(during if during.any() else after, self.wrong(listener), -1.0)))
+        wrong = self.wrong(listener)
+        chosen = np.flatnonzero(during if during.any() else after).tolist() or [int(np.argmax(wrong))]
+        worst = max(chosen, key=lambda place: (found[place].false_nearby, wrong[place]))
         return found[before[-1] if len(before) else 0], found[worst]
 
 

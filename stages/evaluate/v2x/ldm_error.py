@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import chain, groupby
 from typing import Any, NamedTuple
 
@@ -48,6 +48,16 @@ class Moment(NamedTuple):
     present: frozenset[int]
     """Ids of stations on the road now or at most one expiry time ago: their entries may still be there."""
 
+    @property
+    def false_nearby(self) -> int:
+        """The number of false entries within `MISSING_WITHIN_M` of the map's owner."""
+        x_m, y_m = self.own.map_SE3_base[:2, 3]
+        return sum(
+            math.hypot(entry.x_m - x_m, entry.y_m - y_m) <= MISSING_WITHIN_M
+            for entry in self.entries
+            if entry.station_id not in self.present or entry.station_id == self.own.station_id
+        )
+
 
 @dataclass(frozen=True)
 class LdmError:
@@ -64,6 +74,11 @@ class LdmError:
     missing: Float64
     displaced: Float64
     error_m: Float64
+
+    def between(self, first_ns: int, last_ns: int) -> LdmError:
+        """The maps from one time to another, both included."""
+        chosen = (self.time_ns >= first_ns) & (self.time_ns <= last_ns)
+        return LdmError(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
     def metrics(self) -> LdmMetrics:
         """Means over the maps, the largest number of false entries at once, and the mean error."""

@@ -27,7 +27,7 @@ def draw_maps(before: Moment, during: Moment, roads: RoadMap | None = None) -> F
     """Two maps of the same vehicle beside each other, around itself, on the roads where they are known."""
     from advpipe.pipeline.core.figure import Figure
 
-    figure = Figure(figsize=(12.0, 6.2), dpi=110, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(12.0, 5.4), dpi=110, facecolor="white", layout="constrained")
     panels = figure.subplots(1, 2).tolist()
     for axes, moment, when in zip(panels, (before, during), ("before", "during the attack"), strict=True):
         draw_map(axes, moment, roads)
@@ -78,8 +78,8 @@ def draw_detection(detections: Sequence[Detection]) -> Figure:
 
     parts = [part for each in detections for part in each.parts]
     places = np.arange(len(parts))[::-1]
-    height = max(2.2, 0.42 * len(parts) + 1.1)
-    figure = Figure(figsize=(8.6, height), dpi=110, facecolor="white", layout="constrained")
+    height = 0.42 * len(parts) + 1.1
+    figure = Figure(figsize=(11.0, height), dpi=110, facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     plain_axes(axes)
     for offset, colour, label, values in (
@@ -88,7 +88,8 @@ def draw_detection(detections: Sequence[Detection]) -> Figure:
     ):
         axes.barh(places + offset, np.nan_to_num(values), 0.34, color=colour, label=label)
     published = [each.published for each in parts]
-    axes.plot(published, places, "D", color=LOST, markersize=5, label="CaTCH, published, other data")
+    if np.isfinite(published).any():
+        axes.plot(published, places, "D", color=LOST, markersize=5, label="CaTCH, published, other data")
     axes.set_yticks(places, [each.attack for each in parts])
     axes.set(xlim=(0, 1.005))
     axes.set_xlabel("F1 of messages", color=SOFT)

@@ -196,7 +196,8 @@ def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
 
 
 def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list[ReportPicture]:
-    caption = "F1 of each attack; the published values are of other data"
+    has_published = any(part.published == part.published for d in attacked for part in d.detection.parts)
+    caption = f"F1 of each attack{'; the published values are of other data' if has_published else ''}"
     figures = [("", "v2x-detection.png", caption, draw_detection([d.detection for d in attacked]))]
     for drive in attacked:
         listener = drive.most_affected_listener
@@ -204,15 +205,23 @@ def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list
             continue
         before, during = drive.maps_around_attack(listener)
         title = f"{drive.name}: Local Dynamic Map of {listener}"
-        figures.append((drive.name, f"{drive.name}-ldm.png", title, draw_maps(before, during, drive.roads)))
+        caption = f"{title} before the attack, and when it holds most false entries nearby"
+        figures.append((drive.name, f"{drive.name}-ldm.png", caption, draw_maps(before, during, drive.roads)))
         if listener in clean.errors:
             errors = draw_errors(clean.errors[listener], drive.errors[listener], title)
             figures.append((drive.name, f"{drive.name}-ldm-error.png", f"{title} over time", errors))
-    return [picture_of(SECTION, bag, name, caption, figure) for bag, name, caption, figure in figures]
+    drawn = [picture_of(SECTION, bag, name, caption, figure) for bag, name, caption, figure in figures]
+    return [replace(each, is_worst=each.file_name.endswith("-ldm.png")) for each in drawn]
 
 
 def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xRecord:
     honest, each = drive.honest(listener), drive.detection
+    attacked, before = (
+        one.errors[listener].between(*drive.attacked_ns).metrics()
+        if drive.attacked_ns and listener in one.errors
+        else None
+        for one in (drive, clean)
+    )
     return V2xRecord(
         bag=drive.name,
         vehicle=listener,
@@ -232,6 +241,8 @@ def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xR
         ours=_score_metrics(each.ours),
         baseline=_score_metrics(each.baseline),
         ldm=drive.errors[listener].metrics(),
+        ldm_attacked=attacked,
+        ldm_attacked_clean=before,
         warning=drive.warned[listener],
         radio=drive.radio,
     )

@@ -13,6 +13,7 @@ from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.v2x.detection import ScoredAttack
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive
+from advpipe.stages.evaluate.v2x.ldm_error import LdmError
 
 DETECTION_NOTE = (
     "Messages: received by all instrumented vehicles in the bag. A false message is one that an attack made, "
@@ -28,6 +29,8 @@ VICTIM_NOTE = (
     "CAMs sent within 300 m that the attack did not touch, in the clean drive → in the attacked one."
 )
 
+ATTACKED_NOTE = " Attacked: from the first attacked message sent to the last."
+
 
 def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     """A line for each attack; one for a whole bag before them where no attack is all of it.
@@ -35,7 +38,7 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
     Without false messages, as where messages are dropped, there is nothing to find and no metric.
     """
     heads = (
-        *("bag", "attack", "messages", "false messages", "precision", "recall", "F1", "MCC", "latency s"),
+        *("attack", "messages", "false ones", "precision", "recall", "F1", "MCC", "latency s"),
         *("attackers detected %", "baseline: precision", "recall", "F1", "MCC", "latency s"),
         "F1 published for CaTCH",
     )
@@ -48,8 +51,7 @@ def detection_table(attacked: Sequence[EvaluatedDrive]) -> Table:
         )
         lines.append(
             (
-                drive.name,
-                part.attack,
+                _title(drive, part),
                 formatted_number(drive.detection.messages, 0),
                 formatted_number(part.false_messages, 0),
                 *(cells if part.false_messages else (NOTHING,) * len(cells)),
@@ -72,7 +74,7 @@ def detection_overview(attacked: Sequence[EvaluatedDrive]) -> Table:
         )
         lines.append(
             (
-                part.attack if part.attack.startswith(drive.name) else f"{drive.name}: {part.attack}",
+                _title(drive, part),
                 formatted_number(drive.detection.messages, 0),
                 formatted_number(part.false_messages, 0),
                 *(cells if part.false_messages else (NOTHING,) * len(cells)),
@@ -80,6 +82,10 @@ def detection_overview(attacked: Sequence[EvaluatedDrive]) -> Table:
         )
     title = "V2X detection: messages received, false ones, misbehaviour detector, baseline"
     return Table(title, heads, tuple(lines))
+
+
+def _title(drive: EvaluatedDrive, part: ScoredAttack) -> str:
+    return part.attack if part.attack.startswith(drive.name) else f"{drive.name}: {part.attack}"
 
 
 def _scored_attacks(attacked: Sequence[EvaluatedDrive]) -> Iterator[tuple[EvaluatedDrive, ScoredAttack]]:
@@ -93,31 +99,52 @@ def _scored_attacks(attacked: Sequence[EvaluatedDrive]) -> Iterator[tuple[Evalua
 
 
 def victim_table(drives: Sequence[EvaluatedDrive]) -> Table:
-    """The map, the warnings and the honest messages received of each vehicle; the clean drive first."""
+    """The map, the warnings and the honest messages received of each vehicle; the clean drive first.
+
+    Where messages are attacked in a part of the drive, two more lines have the map in this part: attacked,
+    and in the clean drive.
+    """
     heads = (
-        *("bag", "vehicle", "entries", "false", "false, maximum", "missing", "displaced", "error m"),
+        *("bag", "vehicle", "time", "entries", "false", "false, maximum", "missing", "displaced", "error m"),
         *("alarms", "dangers", "false alarms", "missed dangers", "honest CAMs received %"),
     )
+    clean, *_ = drives
     lines = []
     for drive in drives:
         for listener, error in drive.errors.items():
-            row, warned = error.metrics(), drive.warned[listener]
+            warned = drive.warned[listener]
             counts = (warned.alarms, warned.dangers, warned.false_alarms, warned.misses)
             lines.append(
                 (
-                    drive.name,
-                    listener,
-                    formatted_number(row.known, 1),
-                    formatted_number(row.false_entries, 2),
-                    formatted_number(row.false_entries_max, 0),
-                    formatted_number(row.missing, 2),
-                    formatted_number(row.displaced, 2),
-                    formatted_number(row.error_m, 2),
+                    *(drive.name, listener, "all", *_map_cells(error)),
                     *(formatted_number(value, 0) for value in counts),
-                    _honest_received(drives[0], drive, listener),
+                    _honest_received(clean, drive, listener),
                 )
             )
-    return Table("Local Dynamic Map and collision warning", heads, tuple(lines), VICTIM_NOTE)
+            if (span := drive.attacked_ns) is None:
+                continue
+            alone = error.between(*span)
+            if 0 < len(alone.time_ns) < len(error.time_ns):
+                lines.append(("", "", "attacked", *_map_cells(alone), *(NOTHING,) * 5))
+                if listener in clean.errors:
+                    before = clean.errors[listener].between(*span)
+                    lines.append(("", "", "  the same, clean", *_map_cells(before), *(NOTHING,) * 5))
+    is_part = any(line[2] == "attacked" for line in lines)
+    return Table(
+        "Local Dynamic Map and collision warning", heads, tuple(lines), VICTIM_NOTE + ATTACKED_NOTE * is_part
+    )
+
+
+def _map_cells(error: LdmError) -> tuple[str, ...]:
+    row = error.metrics()
+    return (
+        formatted_number(row.known, 1),
+        formatted_number(row.false_entries, 2),
+        formatted_number(row.false_entries_max, 0),
+        formatted_number(row.missing, 2),
+        formatted_number(row.displaced, 2),
+        formatted_number(row.error_m, 2),
+    )
 
 
 def victim_overview(drives: Sequence[EvaluatedDrive]) -> Table:
@@ -174,24 +201,24 @@ def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_
         flagged_cell = formatted_number(flagged, 0) if is_on else NOTHING
         lines.append((name, check.meaning, threshold, set_by, flagged_cell, check.source))
     heads = ("check", "measures", "flags above", "threshold set by", "false messages flagged", "source")
-    return Table("Checks of the misbehaviour detector", heads, tuple(lines))
+    return Table("Checks of the misbehaviour detector", heads, tuple(lines), is_detail=True)
 
 
 def baseline_table(parameters: CatchParameters) -> Table:
     """The baseline's parameters, as tuned and as published."""
     published = asdict(CatchParameters())
     lines = tuple(
-        (name, meaning, checks, f"{value:.4g} {unit}", f"{published[name]:.4g} {unit}")
+        (name, meaning, checks, f"{value:.4g} {_unit(unit)}", f"{published[name]:.4g} {_unit(unit)}")
         for name, value in asdict(parameters).items()
         for unit, checks, meaning in (CATCH_MEANINGS[name],)
     )
     heads = ("parameter", "meaning", "checks", "tuned", "default")
-    return Table("Parameters of the baseline (CaTCH's checks)", heads, lines)
+    return Table("Parameters of the baseline (CaTCH's checks)", heads, lines, is_detail=True)
 
 
 def _unit(unit: str) -> str:
     """A unit as tables show it: nothing for a dimensionless number."""
-    return "" if unit == "1" else unit
+    return "" if unit == "1" else unit.replace("m/s2", "m/s²")
 
 
 def _honest_received(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> str:

@@ -35,7 +35,7 @@ COMMANDS = (
         "share",
         "unpack",
     ),
-    *("inspect", "plot", "recover", "verify", "schema", "attacks", "clean"),
+    *("figures", "inspect", "plot", "recover", "verify", "schema", "attacks", "clean"),
 )
 PINNED = re.compile(r"duration_s|^--steps|^--cells")
 """Words that stay: without them, a command rightly takes minutes."""
@@ -49,6 +49,7 @@ GOOD = {
     "plot": ["drive", "--out", "new.png"],
     "attacks": ["detach"],
     "clean": ["drive"],
+    "figures": ["report", "--out", "new"],
     "recover": ["drive/clean/clean_0.mcap"],
     "unpack": ["archives/town.tar", "--out", "new"],
     "share": ["drive", "--out", "new"],

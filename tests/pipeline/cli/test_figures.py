@@ -53,7 +53,8 @@ def test_an_old_folder_is_replaced_only_when_told(report: Path, tmp_path: Path) 
     ("spoil", "options", "reason"),
     [
         (lambda report: (report / "report.json").unlink(), [], "is not a report"),
-        (lambda report: [each.unlink() for each in report.glob("figures/*.pdf")], [], "no figures as PDF"),
+        (lambda report: [each.unlink() for each in report.glob("figures/*.svg")], [], "no figures as SVG"),
+        (lambda report: (report / "figures/one.svg").write_text("<svg/>"), [], "one.svg is not a drawing"),
         (lambda report: None, ["--format", "eps"], "unknown format 'eps'"),
     ],
 )

@@ -22,6 +22,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from forked import Done, Forks
 
+from advpipe.pipeline.core.figure import Figure
+from advpipe.stages.evaluate.report.pictures import to_svg
+
 SCENARIO = """
 name: tiny
 simulation: {seed: 1, duration_s: 0.5, warmup_s: 1}
@@ -70,6 +73,7 @@ CASES = {
     "export": Case("export d --out v", "v"),
     "plot": Case("plot d --out v2x.png", "v2x.png"),
     "plot of a cloud": Case("plot d --cloud 0 --out cloud.png", "cloud.png"),
+    "figures": Case("figures r --out r-pdf", "r-pdf"),
     "schema": Case("schema --out scenario.schema.json", "scenario.schema.json"),
 }
 IN_DATA_SET = ("lidar", "cam", "gnss", "evaluate", "sweep")
@@ -98,7 +102,7 @@ def forks() -> Iterator[Forks]:
 
 @pytest.fixture(scope="module")
 def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set `d` with an attack, an archive of it, and a recording that was cut off."""
+    """A data set `d` with an attack, an archive of it, a cut-off recording, and a figure of a report."""
     folder = tmp_path_factory.mktemp("ready")
     (folder / "tiny.yaml").write_text(SCENARIO)
     for command in ("simulate tiny.yaml --out d", f"{RANDOM} d/adv --frames ::5", "share d --out ready.tar"):
@@ -106,6 +110,11 @@ def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert done.code == 0, done.error
     whole = (folder / "d" / "clean" / "clean_0.mcap").read_bytes()
     (folder / "cut.mcap").write_bytes(whole[:-2000])
+    (folder / "r" / "figures").mkdir(parents=True)
+    (folder / "r" / "report.json").write_text("{}")
+    figure = Figure()
+    figure.add_subplot().plot([place**3 % 997 for place in range(4000)])  # more than fits on a full disk
+    (folder / "r" / "figures" / "one.svg").write_bytes(to_svg(figure))
     return folder
 
 

@@ -67,7 +67,7 @@ def test_records_tables_and_pictures(clean, attacked):
     assert aware["adv_lateral_max_m"] > aware["clean_lateral_max_m"] + 1
     for table in section.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
-        assert len(table.lines) == 3
+        assert len([line for line in table.lines if line[0]]) == 3
     assert [one.file_name for one in section.pictures] == [
         f"{name}-ego-localisation.png" for name in ("far", "jam", "aware")
     ]
@@ -126,7 +126,7 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
     assert row["false_alarm_rate"] == (before.nis[90:120:2] > gate()).mean()
     caught = np.flatnonzero(alarm)
     assert row["delay_s"] == pytest.approx(0.2 * caught[0]) if len(caught) else np.isnan(row["delay_s"])
-    assert section.tables[0].heads[-1] == "ATE of the window m"
+    assert section.tables[0].heads[-1] == "ATE m"
     assert "over the window" in meaning_of(section, "ate")
 
 

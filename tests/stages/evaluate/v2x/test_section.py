@@ -36,8 +36,8 @@ def test_section(found: ReportSection, offset: Path) -> None:
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
     detection, victim, radio, checks, baseline = found.tables
-    assert detection.lines[0][:2] == (offset.name, "cam-position-offset")
-    assert [line[0] for line in victim.lines] == ["clean", offset.name]
+    assert detection.lines[0][0] == f"{offset.name}: cam-position-offset"
+    assert [line[0] for line in victim.lines if line[0]] == ["clean", offset.name]
     assert len(radio.lines) == 2
     assert [line[0] for line in checks.lines] == list(CHECKS)
     limits = {line[0]: line[2] for line in checks.lines}
@@ -97,12 +97,14 @@ def test_lines_where_one_attack_is_all_or_no_message_is_false(offset: Path) -> N
     def lines(*parts: ScoredAttack) -> list[tuple[str, ...]]:
         return list(detection_table([replace(lied, detection=replace(lied.detection, parts=parts))]).lines)
 
-    assert [line[1] for line in lines(own, half)] == [own.attack, half.attack]
-    assert [line[1] for line in lines(half, half)] == ["all", half.attack, half.attack]
+    assert [line[0] for line in lines(own, half)] == [f"offset: {each.attack}" for each in (own, half)]
+    assert [line[0] for line in lines(half, half)] == [
+        f"offset: {each}" for each in ("all", half.attack, half.attack)
+    ]
     (found, dashes) = lines(own, none)
-    assert "–" not in found[2:-1]
-    assert dashes[:4] == ("offset", "cam-drop", found[2], "0")
-    assert set(dashes[4:-1]) == {"–"}
+    assert "–" not in found[1:-1]
+    assert dashes[:3] == ("offset: cam-drop", found[1], "0")
+    assert set(dashes[3:-1]) == {"–"}
 
 
 def test_attacks_that_met_nothing_are_named(smoke: Path, offset: Path, tmp_path: Path) -> None:
@@ -110,7 +112,7 @@ def test_attacks_that_met_nothing_are_named(smoke: Path, offset: Path, tmp_path:
     spec = AttackSpec(type="cam-drop", schedule=Schedule(from_s=0.0009, to_s=0.001))
     attack(smoke, idle, AttackRequest((spec,)))
     (found,) = v2x_sections(smoke, [idle, offset])
-    assert {line[0] for line in found.tables[0].lines} == {offset.name}
+    assert {line[0].partition(":")[0] for line in found.tables[0].lines} == {offset.name}
     assert found.notes == ("idle: the attacks touched no message, so there is nothing to evaluate.",)
     assert v2x_sections(smoke, [idle]) == ()
 
