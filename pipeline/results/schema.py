@@ -67,7 +67,7 @@ def report_schema() -> Schema:
             "warnings": _list({"type": "string"}, "what must be read before any value"),
             "formulas": _texts("what the values mean, by name"),
             DEPRECATED_KEYS: _texts("old keys that are written beside their new ones, by old key"),
-            "provenance": _object(ResultsOrigin, optional=("device",)),
+            "provenance": _object(ResultsOrigin, optional=("device", "adaptation")),
             "rows": _list(_row(), "one for each adversarial bag and detector, or for the clean bag alone"),
             **{key: _list(_object(record), _description(record)) for key, record in lists.items()},
             "defences": _list(_defence(), _description(DefenceRecord)),
