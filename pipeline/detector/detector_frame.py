@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Row = tuple[float, float, float]
-Column = TypeVar("Column", bound=Any)
 
 NO_ROTATION: tuple[Row, Row, Row] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -47,16 +46,14 @@ class DetectorFrame:
         """The transform as a matrix (4, 4)."""
         return se3(np.array(self.rotation), np.array([0.0, 0.0, self.shift_m]))
 
-    def columns(self, x: Column, y: Column, z: Column) -> tuple[Column, Column, Column]:
+    def columns(self, x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
         """Coordinates in the LiDAR's frame, brought to the detector's: arrays or tensors, in their precision.
 
         Column by column, so that numpy and torch round alike, and a point has one voxel in both.
         """
-        turned = (x, y, z)
         if not self.is_level:
-            first, second, third = (a * x + b * y + c * z for a, b, c in self.rotation)
-            turned = (first, second, third)
-        return (*turned[:2], turned[2] + self.shift_m) if self.shift_m else turned
+            x, y, z = (a * x + b * y + c * z for a, b, c in self.rotation)
+        return x, y, (z + self.shift_m if self.shift_m else z)
 
     def points(self, points: Tensor) -> Tensor:
         """Points (N, 4 or more), brought to the detector's frame; differentiable."""
