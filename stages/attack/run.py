@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from advpipe.pipeline.bag.input_notice import notice_unexpected_input
 from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
@@ -17,6 +16,7 @@ from advpipe.pipeline.core.jobs import run_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
+from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage

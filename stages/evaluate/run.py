@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, find_lidar_topic
-from advpipe.pipeline.bag.input_notice import notice_unexpected_input
 from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.partial import staged_folder
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.detector.adaptation import Adaptation
+from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE

@@ -13,7 +13,6 @@ import yaml
 
 import advpipe
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
-from advpipe.pipeline.bag.input_notice import notice_unexpected_input
 from advpipe.pipeline.bag.lidar_mount import base_link_SE3_lidar
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
@@ -21,6 +20,7 @@ from advpipe.pipeline.core.option_names import use_flags
 from advpipe.pipeline.dataset.sample import shipped_sample
 from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.adapted import adapted_detector
+from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.ground_plane import GroundPlane, fit_ground
 from advpipe.pipeline.messages.cloud import cloud_to_cdr, xyz
