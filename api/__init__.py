@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.defences.base import Defence as Defence
     from advpipe.pipeline.defences.base import DefendedCloud as DefendedCloud
     from advpipe.pipeline.defences.base import Placement as Placement
+    from advpipe.pipeline.detector.expected_input import ExpectedInput as ExpectedInput
     from advpipe.pipeline.detector.protocol import BatchDetector as BatchDetector
     from advpipe.pipeline.detector.protocol import Detections as Detections
     from advpipe.pipeline.detector.protocol import ObjectDetector as ObjectDetector
@@ -133,6 +134,7 @@ _NAMES_OF = {
     "pipeline.core.errors": ("AdvpipeError", "UsageError"),
     "pipeline.core.seeding": ("named_generator",),
     "pipeline.defences.base": ("Defence", "DefendedCloud", "Placement"),
+    "pipeline.detector.expected_input": ("ExpectedInput",),
     "pipeline.detector.protocol": (
         *("BatchDetector", "Detections", "ObjectDetector", "Range", "VoxelDetector"),
     ),

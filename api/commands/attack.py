@@ -34,6 +34,9 @@ def attack(
     frames: str = AttackOptions.frames,
     detector: str = AttackOptions.detector,
     device: str = "cpu",
+    lidar_height_m: float | None = AttackOptions.lidar_height_m,
+    level: bool = AttackOptions.level,
+    scale_intensity: float = AttackOptions.scale_intensity,
     seed: int = AttackOptions.seed,
     workers: int | None = None,
     debug: bool = AttackOptions.debug,
@@ -53,10 +56,11 @@ def attack(
     from_s, to_s: when, in seconds of the recording.
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
     detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
-    `cuda` or `cuda:N`. seed: of the attack's own draws. workers: processes, by default one a core; their
-    number changes no byte. debug: whether the bag gets topics under `/advpipe/debug`, which show viewers what
-    was attacked. out: the bag's folder, by default in the clean one's data set, or beside it
-    as `BAG-...`. overwrite: replaces one that exists.
+    `cuda` or `cuda:N`. lidar_height_m, level, scale_intensity: how it is shown clouds, see `evaluate`; the
+    ground is fitted in each clean cloud. seed: of the attack's own draws. workers: processes, by default one
+    a core; their number changes no byte. debug: whether the bag gets topics under `/advpipe/debug`, which
+    show viewers what was attacked. out: the bag's folder, by default in the clean one's data set, or beside
+    it as `BAG-...`. overwrite: replaces one that exists.
 
     The attack's parameters are given by name, such as `ratio` (the share of points to remove) of `detach`,
     `eps_cm` of `perturb`, `points` and `eps_m` of `attach`, `goal` ("break" or "hide"); `parameters` takes
@@ -94,6 +98,9 @@ def attack(
                 "lidar": lidar,
                 "frames": frames,
                 "detector": detector,
+                "lidar_height_m": lidar_height_m,
+                "level": level,
+                "scale_intensity": scale_intensity,
             }
         )
         request = AttackRequest((spec,), seed, device, debug)

@@ -32,6 +32,9 @@ def evaluate(
     baseline: bool = Options.baseline,
     baseline_tries: int | None = Options.baseline_tries,
     lidar: str | None = Options.lidar_topic,
+    lidar_height_m: float | None = Options.lidar_height_m,
+    level: bool = Options.level,
+    scale_intensity: float = Options.scale_intensity,
     write_detections: bool = Options.detections,
     with_clouds: bool = Options.with_clouds,
     scene: bool = Options.scene,
@@ -49,7 +52,10 @@ def evaluate(
     or several. seed: of the bootstrap, the baselines and the defences. baseline: also scores a random
     attack with the same budget; baseline_tries: its queries, of which it keeps the best, by default as many
     as the attack has.
-    lidar: the topic of the clouds, among several. write_detections: writes bags that show the detections;
+    lidar: the topic of the clouds, among several. lidar_height_m: its height above the ground where that
+    differs from what the detector expects: clouds are shifted for the detector. level: fits the ground in
+    each cloud, and levels and shifts the cloud. scale_intensity: multiplies intensities. Boxes
+    and figures stay in the frame of the recording. write_detections: writes bags that show the detections;
     with_clouds: with the clouds in them. scene: shows frames in 3D in the page. workers: processes, by
     default one a core; their number changes no byte. out: the report's folder, by default
     `reports/<detector>` of the data set. overwrite: replaces one that exists.
@@ -83,6 +89,9 @@ def evaluate(
         defences=(defence,) if isinstance(defence, str) else tuple(defence),
         frames=chosen,
         lidar_topic=lidar,
+        lidar_height_m=lidar_height_m,
+        level=level,
+        scale_intensity=scale_intensity,
         detections=write_detections or with_clouds,
         with_clouds=with_clouds,
         device=device,

@@ -45,6 +45,9 @@ BaselineTries = Annotated[
         Options, "baseline_tries", "--baseline-tries", show_default="as many as the attack has queries"
     ),
 ]
+LidarHeight = Annotated[float | None, cli_option(Options, "lidar_height_m", "--lidar-height")]
+Level = Annotated[bool, cli_option(Options, "level", "--level")]
+ScaleIntensity = Annotated[float, cli_option(Options, "scale_intensity", "--scale-intensity")]
 Device = Annotated[str, cli_option(Options, "device", "--device")]
 DetectorName = Annotated[
     str, cli_option(SweepOptions, "detector", "--detector", autocompletion=detector_names)

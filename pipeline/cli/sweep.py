@@ -14,8 +14,11 @@ from advpipe.pipeline.cli.shared import (
     BaselineTries,
     DetectorName,
     Device,
+    Level,
+    LidarHeight,
     LidarTopic,
     Overwrite,
+    ScaleIntensity,
     Workers,
     cli_option,
 )
@@ -42,6 +45,9 @@ def sweep_command(
     seed: Annotated[int, cli_option(SweepOptions, "seed")] = SweepOptions.seed,
     baseline_tries: BaselineTries = None,
     lidar: LidarTopic = None,
+    lidar_height_m: LidarHeight = None,
+    level: Level = False,
+    scale_intensity: ScaleIntensity = SweepOptions.scale_intensity,
     keep_bags: Annotated[bool, cli_option(SweepOptions, "keep_bags", "--keep-bags")] = False,
     check: Annotated[
         int | None,
@@ -73,6 +79,9 @@ def sweep_command(
         seed=seed,
         baseline_tries=baseline_tries,
         lidar_topic=lidar,
+        lidar_height_m=lidar_height_m,
+        level=level,
+        scale_intensity=scale_intensity,
         keep_bags=keep_bags,
         workers=workers,
     )

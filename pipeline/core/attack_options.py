@@ -34,6 +34,9 @@ class AttackOptions:
     frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
     detector: str = options.detector()
     device: str = options.device()
+    lidar_height_m: float | None = options.lidar_height_m()
+    level: bool = options.level()
+    scale_intensity: float = options.scale_intensity()
     debug: bool = option(
         True,
         "Add topics under /advpipe/debug with the touched points and false positions, for viewers; they give "

@@ -43,6 +43,31 @@ def lidar_topic() -> Any:
     return option(None, "Topic of the point clouds if there are several, such as /ego/lidar/points.")
 
 
+def lidar_height_m() -> Any:
+    """The option that says how high the LiDAR is mounted."""
+    return option(
+        None,
+        "Height of the LiDAR above the ground, in metres, where it differs from the detector's: clouds are "
+        "shifted for the detector.",
+    )
+
+
+def level() -> Any:
+    """The option that levels each cloud for the detector."""
+    return option(
+        False,
+        "Fit the ground in each cloud, and level and shift the cloud for the detector; a cloud without "
+        "ground is only shifted, by the given height.",
+    )
+
+
+def scale_intensity() -> Any:
+    """The option that scales intensities for the detector."""
+    return option(
+        1.0, "Multiply intensities by this for the detector, such as 0.00392157 for those from 0 to 255."
+    )
+
+
 def baseline_tries() -> Any:
     """The option that sets the query budget of the random baseline."""
     return option(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.detector.detector_frame import AS_RECORDED, DetectorFrame
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -81,20 +83,23 @@ class VoxelGrid:
     """The voxel grid of a detector.
 
     low_m: the lowest corner, x, y, z. size_m: of a voxel. shape: number of voxels along x, y and z.
+    frame: in which the grid lies, beside the LiDAR's.
     """
 
     low_m: tuple[float, float, float]
     size_m: tuple[float, float, float]
     shape: tuple[int, int, int]
+    frame: DetectorFrame = AS_RECORDED
 
     def cells(self, xyz_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
-        """The voxel (N, 3) of each point (N, 3 or more); -1 in all columns for a point outside the grid.
+        """The voxel (N, 3) of each point (N, 3 or more) in the LiDAR's frame; -1 in all columns for a point
+        outside the grid.
 
         In single precision, like the detector, so that points near a face get the same voxel.
         """
         low, size = np.array(self.low_m, np.float32), np.array(self.size_m, np.float32)
         with np.errstate(invalid="ignore", over="ignore"):
-            scaled = np.floor((np.asarray(xyz_m, np.float32)[:, :3] - low) / size)
+            scaled = np.floor((self.frame.xyz(np.asarray(xyz_m, np.float32)[:, :3]) - low) / size)
             inside = ((scaled >= 0) & (scaled < np.array(self.shape))).all(axis=1)
         return np.where(inside[:, None], scaled, -1).astype(np.int64)
 
@@ -105,7 +110,7 @@ class VoxelGrid:
         return np.where(inside, linear, -1)
 
     def low_corners_m(self, cells: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        """The lowest corner (N, 3) of each cell (N, 3)."""
+        """The lowest corner (N, 3), in the grid's own frame, of each cell (N, 3)."""
         corners: npt.NDArray[np.float64] = np.array(self.low_m) + cells * np.array(self.size_m)
         return corners
 

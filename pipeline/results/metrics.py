@@ -16,6 +16,21 @@ CRITERIA = ("strict", "loose", "bev", "bev_loose")
 """How a detection has to overlap an object to find it: in 3D or in the bird's eye, strictly or loosely."""
 
 
+MIN_CLEAN_MAP = 0.05
+"""A ratio to a lower clean mAP says nothing: a few detections more or less change it manyfold."""
+
+
+def ratio_reason(map_clean: float, ci95: Interval) -> str:
+    """Why a ratio to a clean mAP with this interval is not meaningful; "" where it is."""
+    if map_clean == 0:
+        return "nothing found on the clean bag"
+    if map_clean < MIN_CLEAN_MAP:
+        return f"the clean mAP, {map_clean:.3f}, is below {MIN_CLEAN_MAP}"
+    if ci95 is not None and ci95[0] <= 0:
+        return f"the 95 % interval of the clean mAP, {ci95[0]:.3f} to {ci95[1]:.3f}, includes 0"
+    return ""
+
+
 @dataclass(frozen=True)
 class Precisions:
     """Average precision (R40) by criterion and class, and the interval of the strict ones by class."""
@@ -80,7 +95,9 @@ class CloudMetrics:
     map_adv: Annotated[float, "strict 3D mAP (R40), in [0, 1]"]
     map_adv_ci95: Annotated[Interval, "its 95 % interval"]
     map_ratio_percent: Annotated[
-        float, "strict mAP in percent of that on the clean clouds of the same frames; null where that is 0"
+        float,
+        "strict mAP in percent of that on the clean clouds of the same frames; null where it is not "
+        "meaningful, see map_ratio_reason",
     ]
     map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]
     map_loose_adv: Annotated[float, "loose 3D mAP (R40), in [0, 1]"]

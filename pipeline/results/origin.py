@@ -42,6 +42,17 @@ class DetectorOrigin:
 
 
 @dataclass(frozen=True)
+class AdaptationRecord:
+    """How clouds were presented to detectors."""
+
+    lidar_height_m: Annotated[
+        float | None, "height of the LiDAR above the ground that was given, in metres; null for none"
+    ]
+    level: Annotated[bool, "whether clouds were levelled by their ground"]
+    scale_intensity: Annotated[float, "factor of all intensities"]
+
+
+@dataclass(frozen=True)
 class ResultsOrigin:
     """advpipe: its version. code_sha256: of the code that decides what a report says. device: the kind of
     GPU; None for the CPU, of which a report says nothing."""
@@ -58,10 +69,15 @@ class ResultsOrigin:
     ]
     defences: Annotated[tuple[str, ...], "the evaluated defences"]
     device: Annotated[str | None, "kind of GPU; absent for the CPU"] = None
+    adaptation: Annotated[
+        AdaptationRecord | None,
+        "how clouds were presented to detectors; absent where they saw them as they are",
+    ] = None
 
     def record(self) -> Record:
         """What `report.json` has as `provenance`."""
         row: Record = asdict(self)
-        if self.device is None:
-            del row["device"]
+        for key in ("device", "adaptation"):
+            if row[key] is None:
+                del row[key]
         return row

@@ -12,6 +12,7 @@ from advpipe.pipeline.results.metrics import (
     CloudMetrics,
     Record,
     RecountedMetrics,
+    ratio_reason,
     undefined_record,
 )
 
@@ -86,6 +87,12 @@ class ResultRow:
         return self.baselines[baseline].metrics if baseline else self.attacked
 
     @property
+    def map_ratio_reason(self) -> str:
+        """Why the strict mAP ratios are not meaningful; "" where they are."""
+        strict = self.clean.means["strict"]
+        return ratio_reason(strict.map_r40, strict.map_r40_ci95)
+
+    @property
     def strongest_baseline(self) -> str | None:
         """The name of the plain random baseline with the lowest mAP ratio; None where none is defined."""
         return lowest({name: each.metrics.map_ratio_percent for name, each in self.baselines.items()})
@@ -103,6 +110,8 @@ class ResultRow:
         row |= asdict(self.counts) | {"classes_in_map": list(self.counts.classes_in_map)}
         row |= {f"boxes_{name}": count for name, count in self.boxes.items()}
         row |= self.clean.record()
+        if reason := self.map_ratio_reason:
+            row["map_ratio_reason"] = reason
         row |= self.attacked.record() if self.attacked else undefined_record(CloudMetrics, known)
         row |= asdict(self.recounted) if self.recounted else undefined_record(RecountedMetrics)
         row |= {f"{PLAIN_BASELINE}_{key}": None for key in undefined_record(CloudMetrics, known)}

@@ -69,7 +69,7 @@ def report_schema() -> Schema:
             "warnings": _list({"type": "string"}, "what must be read before any value"),
             "formulas": _texts("what the values mean, by name"),
             DEPRECATED_KEYS: _texts("old keys that are written beside their new ones, by old key"),
-            "provenance": _object(ResultsOrigin, optional=("device",)),
+            "provenance": _object(ResultsOrigin, optional=("device", "adaptation")),
             "rows": _list(_row(), "one for each adversarial bag and detector, or for the clean bag alone"),
             **{key: _list(_object(record), _description(record)) for key, record in lists.items()},
             "defences": _list(_defence(), _description(DefenceRecord)),
@@ -113,6 +113,10 @@ def _row() -> Schema:
         "map_clean": _described(NUMBER, "strict 3D mAP (R40) on the clean clouds, in [0, 1]"),
         "map_clean_ci95": _described(INTERVAL, "95 % interval of map_clean"),
         "map_r11_clean": _described(NUMBER, "strict 3D mAP (R11) on the clean clouds, in [0, 1]"),
+        "map_ratio_reason": _described(
+            {"type": "string"},
+            "why the strict mAP ratios are not meaningful, and null; absent where they are meaningful",
+        ),
         f"map_ratio_delta_points_vs_{PLAIN_BASELINE}": _described(NUMBER, _DELTA),
         f"map_ratio_delta_points_vs_{PLAIN_BASELINE}_ci95": _described(
             INTERVAL, f"95 % interval of: {_DELTA}"
@@ -153,7 +157,7 @@ def _row() -> Schema:
         "description": "An adversarial bag, or the clean one alone, as one detector sees it.",
         "properties": properties,
         "patternProperties": patterns,
-        "required": sorted(properties),
+        "required": sorted(properties.keys() - {"map_ratio_reason"}),
         "additionalProperties": False,
     }
 

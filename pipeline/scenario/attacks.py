@@ -22,7 +22,7 @@ from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSom
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.options import parser_options
-from advpipe.pipeline.core.section import NotNegative, Reference, Section, Switch
+from advpipe.pipeline.core.section import NotNegative, Number, Reference, Section, Switch
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 
 NS_PER_S = 1_000_000_000
@@ -152,6 +152,9 @@ class AttackSpec(Section):
     lidar: Reference | None = _shared("lidar")
     frames: Reference = _shared("frames", "For a LiDAR attack.")
     detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)
+    lidar_height_m: Number | None = _shared("lidar_height_m", gt=0, le=100)
+    level: Switch = _shared("level")
+    scale_intensity: Number = _shared("scale_intensity", gt=0, le=LARGEST_NUMBER)
 
     @field_validator("parameters")
     @classmethod

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.detector.adapted import detector_for_cloud
 from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
+from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.clouds import AttackedCloud
 from advpipe.stages.attack.job import Job
-from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
-from advpipe.stages.attack.lidar.build import build_lidar_attack
+from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult, join_notes
+from advpipe.stages.attack.lidar.build import adaptation_of, build_lidar_attack
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds
 from advpipe.stages.attack.parameters import resolved_recipe
@@ -75,7 +78,10 @@ def cloud_attacker(
         named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
         recipe = resolved_recipe(spec, LIDAR_ATTACKS.find(spec.type))
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
-        result = attack(frame.cloud, frame.boxes, detector, rng)
+        declared_by = detectors[spec.detector]  # in a batch, a proxy stands for it
+        adapted, note = detector_for_cloud(detector, adaptation_of(spec), xyz(frame.cloud), declared_by)
+        result = attack(frame.cloud, frame.boxes, adapted, rng)
+        result = replace(result, note=join_notes(note, result.note)) if note else result
         refuse_invalid(spec.type, frame.cloud, result)
         refuse_out_of_bounds(spec.type, attack, frame.cloud, result)
         return result

@@ -21,6 +21,9 @@ from advpipe.stages.attack.parameters import resolved_parameters, resolved_recip
 from advpipe.stages.attack.plugin import source_sha256
 from advpipe.stages.attack.registry import BASES, find_attack, refuse_foreign_keys, resolved_name
 
+ADAPTING_KEYS = ("lidar_height_m", "level", "scale_intensity")
+"""The keys that say how clouds are presented to the detector."""
+
 
 @dataclass(frozen=True)
 class AttackRequest:
@@ -105,6 +108,9 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
         raise AdvpipeError(f"{spec.type}: parameters cannot be written as JSON: {error}") from None
     if attack_class.family != "lidar":
         return plain
+    for key in ADAPTING_KEYS:
+        if plain[key] == AttackSpec.model_fields[key].default:
+            del plain[key]  # the record of an attack on clouds as they are does not mention it
     plain["recipe"] = resolved_recipe(spec, attack_class)
     plain["detector"] = Path(spec.detector).name
     plain["detector_sha256"] = detector_sha256(spec.detector)

@@ -17,6 +17,7 @@ from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plug
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
+from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
@@ -24,11 +25,12 @@ from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
 from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.attack.change import changed_messages
 from advpipe.stages.attack.cloud_attack import cloud_attacker, groups_of, unfinished
-from advpipe.stages.attack.clouds import CloudPlan, plan_clouds
+from advpipe.stages.attack.clouds import CloudPlan, plan_clouds, topic_of
 from advpipe.stages.attack.contradictions import refuse_contradictions
 from advpipe.stages.attack.debug import DebugMessages, touched_cloud
 from advpipe.stages.attack.job import Job, open_job
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
+from advpipe.stages.attack.lidar.build import adaptation_of
 from advpipe.stages.attack.messages import change_messages
 from advpipe.stages.attack.output_name import attack_id
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
@@ -77,9 +79,8 @@ def attack(
     plan = _plan(reader, request)
     for spec in request.lidar:
         notice_default_lidar(reader, spec.lidar or spec.victim)
-    for detector in {spec.detector: None for spec in request.lidar}:
-        with working_on(LOADING):
-            load_detector(detector, request.device)
+    with working_on(LOADING):
+        _check_detectors(reader, request)
     provenance = job_provenance(reader, request)
     # Made here, as it refuses a bad output at once.
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
@@ -107,6 +108,20 @@ def attack(
     for warning in summary.warnings:
         notice(f"warning: {warning}")
     return summary
+
+
+def _check_detectors(reader: BagReader, request: AttackRequest) -> None:
+    """Raises UsageError for a detector that cannot be loaded or adapted; says where the clouds differ from
+    those that it expects."""
+    detectors = {
+        name: load_detector(name, request.device) for name in {spec.detector: None for spec in request.lidar}
+    }
+    for spec in request.lidar:
+        adaptation = adaptation_of(spec)
+        adaptation.check(detectors[spec.detector], spec.detector)
+        notice_unexpected_input(
+            reader, topic_of(reader, spec), spec.detector, detectors[spec.detector], adaptation
+        )
 
 
 def _attack_clouds(

@@ -54,6 +54,7 @@ def added_sections(
         device=options.device,
         frames=options.frames,
         lidar_topic=options.lidar_topic,
+        adaptation=options.adaptation,
     )
     return [*own_rules, *sections, *fused]
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core import options
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.options import check_bounds, option
+
+if TYPE_CHECKING:
+    from advpipe.pipeline.detector.adaptation import Adaptation
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,9 @@ class Options:
     )
     bootstrap_draws: int = 1000
     lidar_topic: str | None = options.lidar_topic()
+    lidar_height_m: float | None = options.lidar_height_m()
+    level: bool = options.level()
+    scale_intensity: float = options.scale_intensity()
     detections: bool = option(False, "Also write bags that show the detections.")
     with_clouds: bool = option(False, "Keep the clouds in those bags (implies them).")
     device: str = options.device()
@@ -54,7 +61,15 @@ class Options:
         if not self.detectors:
             raise UsageError("no detector is given; name one")
         check_bounds(self)
+        _ = self.adaptation  # refuses what is out of bounds
         names = [Path(detector).name for detector in self.detectors]
         for name in names:
             if names.count(name) > 1:
                 raise UsageError(f"two detectors are named {name}; reports identify them by name")
+
+    @property
+    def adaptation(self) -> Adaptation:
+        """How clouds are presented to detectors."""
+        from advpipe.pipeline.detector.adaptation import Adaptation
+
+        return Adaptation(self.lidar_height_m, self.level, self.scale_intensity)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,11 +12,20 @@ from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, read_frame
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.versions import installed
+from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.device import device_record
+from advpipe.pipeline.detector.expected_input import BRIGHTEST
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import detector_sha256
-from advpipe.pipeline.results.origin import CleanBag, ComparedBag, DetectorOrigin, ResultsOrigin
+from advpipe.pipeline.results.origin import (
+    AdaptationRecord,
+    CleanBag,
+    ComparedBag,
+    DetectorOrigin,
+    ResultsOrigin,
+)
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.detection.comparison import Comparison, bag_name
 from advpipe.stages.evaluate.detection.summary import Summary
@@ -63,6 +73,7 @@ def results_origin(
     nobody attacked. models, maps: by the name of the detector.
     """
     scored = [summary.comparison for summary in of_first_detector(summaries)]
+    adaptation = options.adaptation
     unseen = [
         Comparison(bag, about, ()) for bag, about in bags.provenances.items() if bag not in bags.on_clouds
     ]
@@ -96,16 +107,18 @@ def results_origin(
         baseline_tries=options.baseline_tries if options.baseline else 0,
         defences=options.defences,
         device=device_record(options.device).get("device"),
+        adaptation=None if adaptation.is_none else AdaptationRecord(**vars(adaptation)),
     )
 
 
-def comparison_warnings(comparison: Comparison, clean: Path, lidar_topic: str | None) -> list[str]:
+def comparison_warnings(comparison: Comparison, clean: Path, options: Options) -> list[str]:
     """What a reader has to know before the metrics of a comparison.
 
-    The attack was made against another detector or other clouds, or the first clean cloud has intensities on
-    another scale than advpipe's.
+    The attack was made against another detector, other clouds or a detector that saw them otherwise; clouds
+    were not levelled; or the first clean cloud has intensities on another scale than advpipe's.
     """
-    warnings, topic = [], find_lidar_topic(BagReader(clean), lidar_topic)
+    warnings, topic = [], find_lidar_topic(BagReader(clean), options.lidar_topic)
+    adaptation = options.adaptation
     if comparison.is_white_box is False:
         attacked = comparison.provenance.get("detector", "another detector")
         warnings.append(
@@ -116,9 +129,34 @@ def comparison_warnings(comparison: Comparison, clean: Path, lidar_topic: str | 
         warnings.append(f"Attacked were the clouds of {', '.join(topics)}, evaluated were those of {topic}.")
     (first,) = read_frames(clean, FrameSlice(0, 1), lidar_topic=topic)
     brightest = float(np.nanmax(first.cloud["intensity"], initial=0.0))
-    if brightest > 1.0:
+    if brightest * adaptation.scale_intensity > BRIGHTEST:
         warnings.append(
             f"Intensities go up to {brightest:g}. Those of advpipe's drives, on which the shipped detector "
-            "was trained, go from 0 to 1: it may find less than in clouds of that scale."
+            "was trained, go from 0 to 1: it may find less than in clouds of that scale "
+            f"({option_name('scale_intensity')})."
         )
+    warnings += _other_adaptation(comparison, adaptation)
+    if notes := Counter(frame.note for frame in comparison.frames if frame.note):
+        (note, _), *_ = notes.most_common(1)
+        warnings.append(f"{notes.total()} of {len(comparison.frames)} clouds were {note}.")
     return warnings
+
+
+def _other_adaptation(comparison: Comparison, adaptation: Adaptation) -> list[str]:
+    """A warning where the attacked detector saw clouds otherwise than the evaluated one."""
+    for one in comparison.provenance.fields.attacks:
+        if one.family == "lidar":
+            values = vars(Adaptation()) | {
+                key: value for key, value in one.values.items() if key in vars(adaptation)
+            }
+            if values != vars(adaptation):
+                return [
+                    "The attack was made against a detector that saw clouds otherwise: with "
+                    f"{_settings(values)}, not {_settings(vars(adaptation))}."
+                ]
+    return []
+
+
+def _settings(values: Mapping[str, object]) -> str:
+    """Such as `lidar_height_m 2.2, level False, scale_intensity 1.0`."""
+    return ", ".join(f"{key} {value}" for key, value in values.items())

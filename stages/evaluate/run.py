@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from advpipe.pipeline.bag.frames import ALL_FRAMES
+from advpipe.pipeline.bag.frames import ALL_FRAMES, find_lidar_topic
 from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.partial import staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
+from advpipe.pipeline.detector.adaptation import Adaptation
+from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.bags import Bags
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
@@ -67,6 +69,10 @@ def evaluate(
         notice_default_lidar(BagReader(clean), options.lidar_topic)
     with working_on(LOADING):
         models = {name: load_detector(name, options.device) for name in asked}
+    for name, model in models.items():
+        options.adaptation.check(model, name)
+        topic = find_lidar_topic(BagReader(clean), options.lidar_topic)
+        notice_unexpected_input(BagReader(clean), topic, name, model, options.adaptation)
     with staged_folder(out, overwrite, REPORT) as folder:
         clean_sha256 = parent_sha256(clean)  # hashes the whole bag, so after all that is refused at once
         bags.refuse_another_parent(clean_sha256)
@@ -76,12 +82,13 @@ def evaluate(
                 plan_progress({"detecting": 20, METRICS: 3})
                 comparisons = DetectionRun(name, clean, bags.on_clouds, options).comparisons(workers)
                 for comparison in track(comparisons, METRICS, len(comparisons)):
-                    warnings = comparison_warnings(comparison, clean, options.lidar_topic)
+                    warnings = comparison_warnings(comparison, clean, options)
                     summaries.append(summarise(comparison, options.bootstrap_draws, options.seed, warnings))
         sections = [*attacked_sections(summaries), *added_sections(clean, adversarial, options, summaries)]
         if not models and any(section.key == COOPERATIVE for section in sections):
             first = options.detectors[0]  # only that section needed a detector
             models = {first: load_detector(first, options.device)}
+            options.adaptation.check(models[first], first)
         about_clean = BagReader(clean).provenance
         maps = {name: map_status(name, model, about_clean) for name, model in models.items()}
         chosen = {} if options.frames == ALL_FRAMES else {"frames": f"{options.frames}: {FRAMES}"}
@@ -89,7 +96,7 @@ def evaluate(
             summaries,
             sections,
             results_origin(bags, clean_sha256, models, maps, summaries, options),
-            {**FORMULAS, **chosen},
+            {**FORMULAS, **chosen, **_adapted(options.adaptation)},
             [each.text for each in maps.values() if each.text],
         )
         with working_on(WRITING):
@@ -102,3 +109,9 @@ def _plan(options: Options) -> dict[str, float]:
     detectors = dict.fromkeys((f"detector {name}" for name in options.detectors), 60.0)
     families = {"coordinated attacks": 3, "localisation": 5, "V2X of each bag": 8}
     return {LOADING: 3, **detectors, **families, "cooperative perception": 8, WRITING: 30}
+
+
+def _adapted(adaptation: Adaptation) -> dict[str, str]:
+    """What the report says of clouds that detectors do not see as they are."""
+    text = adaptation.text
+    return {"adaptation": text} if text else {}

@@ -51,6 +51,9 @@ class Bench:
                 "frames": settings.frames,
                 "detector": self.detector,
                 "lidar": settings.lidar_topic,
+                "lidar_height_m": settings.lidar_height_m,
+                "level": settings.level,
+                "scale_intensity": settings.scale_intensity,
             }
         )
         return AttackRequest((spec,), settings.seed, self.device, debug=False)

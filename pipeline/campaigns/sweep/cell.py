@@ -27,7 +27,8 @@ class Settings:
     start:stop:step, counted in the clean bag. seed: of the attack, the baselines and the bootstrap.
     baseline_tries: the best of so many is scored, None for the attack's query budget. advpipe,
     code_sha256: the version of this package, and of its code that attacks clouds and scores.
-    device: what the detector computed on, cpu or cuda.
+    device: what the detector computed on, cpu or cuda. lidar_height_m, level, scale_intensity: how clouds
+    were presented to it, see `Adaptation`.
     """
 
     clean_sha256: str
@@ -40,6 +41,9 @@ class Settings:
     advpipe: str
     code_sha256: str
     device: str = CPU
+    lidar_height_m: float | None = None
+    level: bool = False
+    scale_intensity: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core import options
 from advpipe.pipeline.core.options import check_bounds, option
+
+if TYPE_CHECKING:
+    from advpipe.pipeline.detector.adaptation import Adaptation
 
 USUAL_FRAMES = 100
 """Without `frames`, at most so many, equally spaced over the bag."""
@@ -34,8 +38,19 @@ class SweepOptions:
     seed: int = option(0, "Seed of the attacks, the baselines and the bootstrap.", least=0)
     baseline_tries: int | None = options.baseline_tries()
     lidar_topic: str | None = options.lidar_topic()
+    lidar_height_m: float | None = options.lidar_height_m()
+    level: bool = options.level()
+    scale_intensity: float = options.scale_intensity()
     keep_bags: bool = option(False, "Keep the adversarial bags that are made, in bags/.")
     workers: int | None = options.workers()
 
     def __post_init__(self) -> None:
         check_bounds(self)
+        _ = self.adaptation  # refuses what is out of bounds
+
+    @property
+    def adaptation(self) -> Adaptation:
+        """How clouds are presented to the detector."""
+        from advpipe.pipeline.detector.adaptation import Adaptation
+
+        return Adaptation(self.lidar_height_m, self.level, self.scale_intensity)

@@ -157,6 +157,9 @@ def commands_of(clean: Path, table: str, cells: Sequence[Cell]) -> str:
         f"--frames {one.frames} --detector {one.detector} --seed {one.seed}"
         + (f" --baseline-tries {one.baseline_tries}" if one.baseline_tries else "")
         + (f" --lidar {one.lidar_topic}" if one.lidar_topic else "")
+        + (f" --lidar-height {one.lidar_height_m:g}" if one.lidar_height_m is not None else "")
+        + (" --level" if one.level else "")
+        + (f" --scale-intensity {one.scale_intensity:g}" if one.scale_intensity != 1 else "")
         + (f" --device {one.device}" if one.device != "cpu" else "")
         for recipe, one in of_recipe.items()
     )

@@ -48,6 +48,9 @@ def scored_cell(
             baseline_tries=settings.baseline_tries,
             frames=FrameSlice.parse(settings.frames),
             lidar_topic=settings.lidar_topic,
+            lidar_height_m=settings.lidar_height_m,
+            level=settings.level,
+            scale_intensity=settings.scale_intensity,
             device=device,
         ),
     )

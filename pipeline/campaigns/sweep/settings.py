@@ -37,7 +37,8 @@ def sweep_settings(clean: Path, options: SweepOptions) -> Settings:
     chosen = FrameSlice(step=step) if options.frames is None else FrameSlice.parse(options.frames)
     chosen.indices(count)
     refuse_without_ground_truth(clean, options.lidar_topic)
-    load_detector(options.detector, options.device)
+    detector = load_detector(options.detector, options.device)
+    options.adaptation.check(detector, options.detector)
     settings = Settings(
         clean_sha256=parent_sha256(clean),
         detector=Path(options.detector).name,
@@ -49,6 +50,7 @@ def sweep_settings(clean: Path, options: SweepOptions) -> Settings:
         advpipe="",
         code_sha256="",
         device=options.device.partition(":")[0],
+        **vars(options.adaptation),
     )
     return with_this_code(settings)
 

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.common.preset import Preset
+from advpipe.pipeline.detector.expected_input import ExpectedInput
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
 from advpipe.pipeline.detector.training_maps import KEY, listed_maps
 from advpipe.pipeline.messages.cloud import xyzi
@@ -89,6 +90,11 @@ class NetworkDetector(Generic[N]):
     def training_maps_sha256(self) -> Sequence[str | None] | None:
         """The maps of the drives it was trained on, as `KnowsItsMaps` has them."""
         return listed_maps(self.provenance.get(KEY))
+
+    @property
+    def expected_input(self) -> ExpectedInput | None:
+        """What its preset is made for."""
+        return self.net.preset.expected_input
 
     @property
     def device(self) -> torch.device:

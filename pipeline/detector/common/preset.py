@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from advpipe.pipeline.detector.expected_input import ExpectedInput
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.geometry.boxes import CLASSES
 
@@ -14,7 +15,8 @@ class Preset:
     """The shape of a network; a checkpoint names its family and its preset.
 
     family: its registered name. range_m: the network's input range. voxel_size_m: size of a voxel along x, y
-    and z. classes: the classes that it detects, each one of `geometry.boxes.CLASSES`.
+    and z. classes: the classes that it detects, each one of `geometry.boxes.CLASSES`. expected_input: the
+    clouds that it is made for; a checkpoint may say otherwise.
     """
 
     family: ClassVar[str]
@@ -23,6 +25,7 @@ class Preset:
     range_m: Range
     voxel_size_m: tuple[float, float, float]
     classes: tuple[str, ...] = CLASSES
+    expected_input: ExpectedInput | None = None
 
 
 @dataclass(frozen=True)

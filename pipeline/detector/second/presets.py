@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from advpipe.pipeline.detector.common.preset import Anchor, AnchorPreset, BevBlock
+from advpipe.pipeline.detector.expected_input import ExpectedInput
 from advpipe.pipeline.detector.protocol import Range
 
 
@@ -48,6 +49,7 @@ SMALL = SecondPreset(
     # The ground, 1.8 m below, is in the middle of a layer of voxels, and the roofs of trucks are in range.
     range_m=Range(-51.2, -51.2, -3.1, 51.2, 51.2, 2.3),
     voxel_size_m=(0.1, 0.1, 0.2),
+    expected_input=ExpectedInput(lidar_height_m=1.8),
     channels_3d=(16, 16, 16, 32, 64, 64),
     bev=(BevBlock(4, 1, 64, 1, 128), BevBlock(4, 2, 128, 2, 128)),
     anchors=(
@@ -71,6 +73,7 @@ ALL_AROUND = SecondPreset(
     name="360",
     range_m=Range(-51.2, -51.2, -3.0, 51.2, 51.2, 1.8),
     voxel_size_m=(0.1, 0.1, 0.1),
+    expected_input=ExpectedInput(lidar_height_m=1.8),
     channels_3d=(16, 16, 32, 64, 64, 128),
     bev=(BevBlock(5, 1, 128, 1, 256), BevBlock(5, 2, 256, 2, 256)),
     anchors=SMALL.anchors,
@@ -86,6 +89,7 @@ KITTI = SecondPreset(
     name="kitti",
     range_m=Range(0.0, -40.0, -3.0, 70.4, 40.0, 1.0),
     voxel_size_m=(0.05, 0.05, 0.1),
+    expected_input=ExpectedInput(lidar_height_m=1.73),
     channels_3d=(16, 16, 32, 64, 64, 128),
     bev=(BevBlock(5, 1, 128, 1, 256), BevBlock(5, 2, 256, 2, 256)),
     classes=("car", "pedestrian", "cyclist"),
@@ -107,9 +111,9 @@ KITTI = SecondPreset(
 )
 """OpenPCDet's `second.yaml` for KITTI, number by number: 5,325,576 parameters, for imported weights.
 
-It covers only the front. Its LiDAR is 1.73 m above the road, and coordinates are not normalised: shift the z
-of a cloud from another height first. In training, points outside the camera's view were removed, and
-intensity is KITTI's reflectance in [0, 1].
+It covers only the front. Its LiDAR is 1.73 m above the road, and coordinates are not normalised:
+`--lidar-height` or `--level` present a cloud from another height. In training, points outside the camera's
+view were removed, and intensity is KITTI's reflectance in [0, 1].
 """
 
 PRESETS = {"small": SMALL, "360": ALL_AROUND, "kitti": KITTI}

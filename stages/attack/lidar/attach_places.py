@@ -66,7 +66,7 @@ def voxel_places(
     if rules.constraints.along_ray:
         source, offset = _steps_on_rays(clean, near, eps_m, min(grid.size_m))
     else:
-        cells = _cells_about(boxes, grid, margin_m)
+        cells = _cells_about(grid.frame.boxes(boxes), grid, margin_m)
         source, offset = _nearest_in_cells(clean, near, cells, grid, eps_m, inset_m)
     places = _places(clean, source, offset, boxes, margin_m, eps_m, rules)
     return _one_a_voxel(places, grid, grid.keys(grid.cells(clean)))
@@ -117,7 +117,7 @@ def _places(
 
 
 def _cells_about(boxes: Float64, grid: VoxelGrid, margin_m: float) -> Int64:
-    """The cells (K, 3) of a grid with a centre within a margin of any of the boxes (M, 7)."""
+    """The cells (K, 3) of a grid with a centre within a margin of any of the boxes (M, 7) in its frame."""
     low_m, size, shape = np.array(grid.low_m), np.array(grid.size_m), np.array(grid.shape)
     found = [np.zeros((0, 3), np.int64)]
     for box in boxes:
@@ -140,12 +140,13 @@ def _nearest_in_cells(
     that point into the cell."""
     low, size = grid.low_corners_m(cells), np.array(grid.size_m)
     reach_m = eps_m + float(np.linalg.norm(size)) / 2
-    tree = cKDTree(clean[near, :3].astype(np.float64))
+    places = grid.frame.places(clean[near, :3].astype(np.float64))
+    tree = cKDTree(places)
     distance_m, nearest = tree.query(low + size / 2, distance_upper_bound=reach_m)
     low = low[np.isfinite(distance_m)]
-    source = near[nearest[np.isfinite(distance_m)]]
-    start = clean[source, :3].astype(np.float64)
-    return source, np.clip(start, low + inset_m, low + size - inset_m) - start
+    found = nearest[np.isfinite(distance_m)]
+    offset = np.clip(places[found], low + inset_m, low + size - inset_m) - places[found]
+    return near[found], grid.frame.directions_back(offset)
 
 
 def _steps_on_rays(clean: Float32, near: Int64, eps_m: float, voxel_m: float) -> tuple[Int64, Float64]:

@@ -110,7 +110,7 @@ class LidarAttack(Attack):
 
     family = "lidar"
     family_title = "LiDAR: change the points of clouds"
-    own_keys = ("recipe", "lidar", "frames", "detector")
+    own_keys = ("recipe", "lidar", "frames", "detector", "lidar_height_m", "level", "scale_intensity")
     traits_type = LidarTraits
     quantities = CLOUD_QUANTITIES
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
+from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
@@ -22,6 +23,11 @@ def build_lidar_attack(spec: AttackSpec) -> LidarAttack:
         keywords["recipe"] = recipe
     with plugin_errors(plugin_names([spec.type])):
         return attack_class(**keywords)
+
+
+def adaptation_of(spec: AttackSpec) -> Adaptation:
+    """How the attack's clouds are presented to its detector."""
+    return Adaptation(spec.lidar_height_m, spec.level, spec.scale_intensity)
 
 
 def query_budget_of(attack: LidarAttack) -> int | None:

@@ -59,7 +59,8 @@ def find_crossings(
     cells = grid.cells(start)
     inset = np.minimum(landing_m, 0.45 * size)
     away = [range(-n, n + 1) for n in (min(math.ceil(reach_m / s), MAX_CELLS_AWAY) for s in grid.size_m)]
-    place = start.astype(np.float64)
+    place = grid.frame.places(start.astype(np.float64))
+    ray = grid.frame.directions(_unit(start.astype(np.float64)))
     point, offset, target = [], [], []
     for step in itertools.product(*away):
         if step == (0, 0, 0):
@@ -68,17 +69,17 @@ def find_crossings(
             first = low + (cells + step) * size + inset - place  # to the shrunken cell's faces
             last = first + size - 2 * inset
             here, way = (
-                _along_rays(place, first, last)
+                _along_rays(ray, first, last)
                 if along_ray
                 else (np.arange(len(start)), np.clip(0.0, first, last))
             )
         fits = np.linalg.norm(way, axis=1) <= reach_m * (1 - ROUNDING_MARGIN)
         point.append(here[fits])
-        offset.append(way[fits] * (1 - ROUNDING_MARGIN))
+        offset.append(grid.frame.directions_back(way[fits]) * (1 - ROUNDING_MARGIN))
         target.append(cells[here[fits]] + step)
     points, offsets, targets = np.concatenate(point), np.concatenate(offset), np.concatenate(target)
     arrived = move_within(start[points], offsets)
-    stays: Bool = np.equal(offsets, 0).all(axis=1)
+    stays: Bool = np.asarray(np.equal(offsets, 0).all(axis=1))
     there: Bool = (grid.cells(arrived) == targets).all(axis=1) & (grid.keys(targets) >= 0)
     valid = there | stays
     if forbidden is not None:
@@ -97,10 +98,15 @@ def find_crossings(
     )
 
 
-def _along_rays(place: Float64, first: Float64, last: Float64) -> tuple[Int64, Float64]:
-    """The points whose rays meet their box, from `first` to `last` relative to them, and the shortest way
-    into it along the ray (slab method)."""
-    ray = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-9)
+def _unit(place: Float64) -> Float64:
+    """The directions (P, 3) from the LiDAR to places (P, 3)."""
+    unit: Float64 = place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1e-9)
+    return unit
+
+
+def _along_rays(ray: Float64, first: Float64, last: Float64) -> tuple[Int64, Float64]:
+    """The points whose rays (P, 3) meet their box, from `first` to `last` relative to them, and the shortest
+    way into it along the ray (slab method)."""
     ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
     a, b = first / ray, last / ray
     enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)

@@ -10,6 +10,8 @@ import numpy as np
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.detector.adaptation import AS_THEY_ARE, Adaptation
+from advpipe.pipeline.detector.adapted import adapted_detector
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.detector.registry import load_detector
@@ -79,6 +81,7 @@ def cooperative_sections(
     device: str = CPU,
     frames: FrameSlice = ALL_FRAMES,
     lidar_topic: str | None = None,
+    adaptation: Adaptation = AS_THEY_ARE,
 ) -> tuple[ReportSection, ...]:
     """One section where two vehicles with LiDARs share clouds and the GPS of one was attacked; else none.
 
@@ -94,7 +97,7 @@ def cooperative_sections(
         return ()
     moved = {bag_name(bag): BagReader(bag) for bag in attacked}
     asked = asked_for(reader, pair, frames, lidar_topic)
-    rows, most_displaced = cooperative_rows(reader, pair, moved, detector, device, asked)
+    rows, most_displaced = cooperative_rows(reader, pair, moved, detector, device, asked, adaptation)
     title = "Cooperative perception under GPS attacks"
     if most_displaced is None:
         if frames == ALL_FRAMES:
@@ -128,6 +131,7 @@ def cooperative_rows(
     detector: str,
     device: str = CPU,
     asked: range | None = None,
+    adaptation: Adaptation = AS_THEY_ARE,
 ) -> tuple[list[CooperativeRecord], Fused | None]:
     """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
 
@@ -146,7 +150,7 @@ def cooperative_rows(
     chosen = fused_instants(asked if asked is not None else asked_for(reader, pair), false)
     if chosen is None:
         return [], None
-    cached = CachedDetector(load_detector(detector, device))
+    cached = CachedDetector(adapted_detector(load_detector(detector, device), adaptation))
     conditions = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
     matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
     off: dict[str, list[tuple[float, float]]] = {name: [] for name in reported}

@@ -46,6 +46,7 @@ class FrameResult:
     """One frame: its ground truth and the clouds of it. Indices count in their own bag.
 
     baselines: by the names of `baseline_names`. defended: the clean and the adversarial cloud, by `under`.
+    note: why the clean cloud was not levelled for the detector, where it was to be.
     """
 
     index: int
@@ -56,6 +57,7 @@ class FrameResult:
     adversarial: CloudResult | None = None
     baselines: Mapping[str, CloudResult] = field(default_factory=dict)
     defended: Mapping[str, CloudResult] = field(default_factory=dict)
+    note: str = ""
 
     def clouds(self) -> dict[str, CloudResult]:
         """The clouds that the detector sees as they are, by condition, as reports name it."""

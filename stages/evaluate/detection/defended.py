@@ -9,7 +9,7 @@ from advpipe.pipeline.results.records import DefenceRecord, DefendedMetrics
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import under
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
-from advpipe.stages.evaluate.detection.metrics import precisions, ratio, ratio_draws
+from advpipe.stages.evaluate.detection.metrics import map_ratio_percent, precisions, ratio_draws
 from advpipe.stages.evaluate.detection.scored import Scored
 
 
@@ -24,7 +24,7 @@ def defence_records(scored: Scored, result: ResultRow) -> Iterator[DefenceRecord
             frames=result.counts.frames,
             map_clean=before.mean_ap(),
             map_clean_ci95=percentile_interval(before.map_draws()),
-            clean_map_kept_percent=100 * ratio(before.mean_ap(), clean.mean_ap()),
+            clean_map_kept_percent=map_ratio_percent(before.mean_ap(), clean),
             clean_map_kept_ci95=percentile_interval(ratio_draws(before, clean)),
             clean_precisions=precisions(before),
             attacked=_attacked(scored, defence, before) if "adv" in scored.by_condition else None,
@@ -36,9 +36,9 @@ def _attacked(scored: Scored, defence: str, before: ConditionMatches) -> Defende
     return DefendedMetrics(
         map_adv=after.mean_ap(),
         map_adv_ci95=percentile_interval(after.map_draws()),
-        map_ratio_percent=100 * ratio(after.mean_ap(), before.mean_ap()),
+        map_ratio_percent=map_ratio_percent(after.mean_ap(), before),
         map_ratio_ci95=percentile_interval(ratio_draws(after, before)),
-        map_adv_percent=100 * ratio(after.mean_ap(), clean.mean_ap()),
+        map_adv_percent=map_ratio_percent(after.mean_ap(), clean),
         map_adv_percent_ci95=percentile_interval(ratio_draws(after, clean)),
         precisions=precisions(after),
     )

@@ -16,6 +16,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import map_jobs
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
+from advpipe.pipeline.detector.adapted import adapted_detector, detector_for_cloud
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
@@ -112,7 +113,9 @@ class DetectionRun:
 
         The indices must rise: the bags are read once, from front to back.
         """
-        detector = CachedDetector(load_detector(self.detector, self.options.device))
+        adaptation = self.options.adaptation
+        loaded = load_detector(self.detector, self.options.device)
+        detector = CachedDetector(adapted_detector(loaded, adaptation))
         reader, lidar_topic = BagReader(self.clean), self.options.lidar_topic
         occlusion = Occlusion(reader, find_lidar_topic(reader, lidar_topic))
         frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
@@ -131,7 +134,10 @@ class DetectionRun:
             with fixed_torch_threads():
                 found = _cloud_result(detector, truth, frame.cloud, frame.cloud)
                 defended = self._defended(detector, truth, "clean", frame.index, frame.cloud)
-                clean = FrameResult(frame.index, -1, frame.stamp_ns, truth, found, defended=defended)
+                _, note = detector_for_cloud(loaded, adaptation, xyz(frame.cloud), loaded)
+                clean = FrameResult(
+                    frame.index, -1, frame.stamp_ns, truth, found, defended=defended, note=note
+                )
                 if not self.adversarial:
                     return [clean]
                 # What it finds in each adversarial cloud, and in clouds changed randomly as much.

@@ -12,7 +12,7 @@ from advpipe.pipeline.results.records import EffectRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
-from advpipe.stages.evaluate.detection.metrics import ratio, ratio_draws
+from advpipe.stages.evaluate.detection.metrics import map_ratio_percent, ratio, ratio_draws
 from advpipe.stages.evaluate.detection.scored import Scored
 from advpipe.stages.evaluate.detection.scoring import found_objects
 from advpipe.stages.evaluate.detection.success import share_draws
@@ -83,9 +83,9 @@ def _record(
         frames=which,
         frame_count=len(frames),
         blocks=bootstrap.n_blocks,
-        map_ratio_percent=100 * ratio(evaluated.mean_ap(), clean.mean_ap()),
+        map_ratio_percent=map_ratio_percent(evaluated.mean_ap(), clean),
         map_ratio_ci95=percentile_interval(ratio_draws(evaluated, clean)),
-        map_loose_ratio_percent=100 * ratio(evaluated.mean_ap("loose"), clean.mean_ap("loose")),
+        map_loose_ratio_percent=map_ratio_percent(evaluated.mean_ap("loose"), clean, "loose"),
         map_loose_ratio_ci95=percentile_interval(ratio_draws(evaluated, clean, "loose")),
         found_clean=found,
         lost_objects=n_lost,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from advpipe.pipeline.results.metrics import (
     Interval,
     Precisions,
     RecountedMetrics,
+    ratio_reason,
 )
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches, ap_draws
@@ -40,10 +42,10 @@ def attack_metrics(
     return CloudMetrics(
         map_adv=evaluated.mean_ap(),
         map_adv_ci95=percentile_interval(evaluated.map_draws()),
-        map_ratio_percent=100 * ratio(evaluated.mean_ap(), clean.mean_ap()),
+        map_ratio_percent=map_ratio_percent(evaluated.mean_ap(), clean),
         map_ratio_ci95=percentile_interval(ratio_draws(evaluated, clean)),
         map_loose_adv=evaluated.mean_ap("loose"),
-        map_loose_ratio_percent=100 * ratio(evaluated.mean_ap("loose"), clean.mean_ap("loose")),
+        map_loose_ratio_percent=map_ratio_percent(evaluated.mean_ap("loose"), clean, "loose"),
         map_bev_adv=evaluated.mean_ap("bev"),
         map_bev_loose_adv=evaluated.mean_ap("bev_loose"),
         precisions=precisions(evaluated),
@@ -92,8 +94,8 @@ def recounted_metrics(
     return RecountedMetrics(
         objects_recounted=sum(int(each.n_truth.sum()) for each in ranked.values()),
         map_adv_recounted=mean_ap,
-        map_ratio_percent_recounted=100 * ratio(mean_ap, clean.mean_ap()),
-        map_ratio_recounted_ci95=percentile_interval(100 * map_draws / above_0(clean.map_draws())),
+        map_ratio_percent_recounted=map_ratio_percent(mean_ap, clean),
+        map_ratio_recounted_ci95=percentile_interval(100 * map_draws / ratio_base_draws(clean)),
         lost_objects_recounted=lost,
         attack_success_percent_recounted=100 * ratio(lost, found_on_clean(rows)),
     )
@@ -103,7 +105,7 @@ def difference(by_condition: Mapping[str, ConditionMatches], condition: str) -> 
     """The mAP ratio of the attack minus that of a baseline, in percentage points, with a paired interval."""
     clean, adversarial, baseline = by_condition["clean"], by_condition["adv"], by_condition[condition]
     draws = ratio_draws(adversarial, clean) - ratio_draws(baseline, clean)
-    points = 100 * ratio(adversarial.mean_ap() - baseline.mean_ap(), clean.mean_ap())
+    points = map_ratio_percent(adversarial.mean_ap() - baseline.mean_ap(), clean)
     return points, percentile_interval(draws)
 
 
@@ -137,9 +139,25 @@ def ratio(part: float, whole: float) -> float:
     return part / whole if whole else float("nan")
 
 
+def reason_against(whole: ConditionMatches, criterion: str = "strict") -> str:
+    """Why a ratio to the mAP of a condition is not meaningful; "" where it is."""
+    return ratio_reason(whole.mean_ap(criterion), percentile_interval(whole.map_draws(criterion)))
+
+
+def map_ratio_percent(part: float, whole: ConditionMatches, criterion: str = "strict") -> float:
+    """A mAP in percent of that of a condition; NaN where that is not meaningful."""
+    return math.nan if reason_against(whole, criterion) else 100 * ratio(part, whole.mean_ap(criterion))
+
+
 def ratio_draws(evaluated: ConditionMatches, whole: ConditionMatches, criterion: str = "strict") -> Float64:
-    """The mAP ratio in percent (draws,); NaN where the whole is 0."""
-    return 100 * evaluated.map_draws(criterion) / above_0(whole.map_draws(criterion))
+    """The mAP ratio in percent (draws,); NaN where the whole is 0, or the ratio is not meaningful."""
+    return 100 * evaluated.map_draws(criterion) / ratio_base_draws(whole, criterion)
+
+
+def ratio_base_draws(whole: ConditionMatches, criterion: str = "strict") -> Float64:
+    """The mAP (draws,) that ratios are of; NaN where it is 0, or a ratio to it is not meaningful."""
+    draws = whole.map_draws(criterion)
+    return np.full_like(draws, np.nan) if reason_against(whole, criterion) else above_0(draws)
 
 
 def above_0(values: Float64) -> Float64:

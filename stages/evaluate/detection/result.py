@@ -15,6 +15,7 @@ from advpipe.stages.evaluate.detection.metrics import (
     clean_metrics,
     difference,
     found_on_clean,
+    reason_against,
     recounted_metrics,
 )
 from advpipe.stages.evaluate.detection.scored import Scored
@@ -118,8 +119,11 @@ def _notes(
         )
     elif n_blocks < FEW_BLOCKS:
         yield f"Only {n_blocks} blocks of {MIN_BLOCK_S:g} s: the confidence intervals are rough."
+    reason = reason_against(scored.by_condition["clean"])
     if attacked and scored.by_condition["clean"].mean_ap() == 0:
         yield "mAP ratio undefined: nothing found on the clean bag at strict overlap."
+    elif attacked and reason:
+        yield f"mAP ratio not meaningful: {reason}."
     yield from uncounted_notes(scored.comparison.frames)
     if attacked and (hidden := attacked.objects_below_min_points):
         yield f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count."

@@ -119,5 +119,7 @@ def classes_in_map(boxes: Mapping[str, int]) -> tuple[list[str], list[str]]:
     enough = [name for name, count in boxes.items() if count >= MIN_BOXES]
     if enough:
         return enough, []
-    some = [name for name, count in boxes.items() if count]
-    return some, [f"No class has {MIN_BOXES} evaluated boxes: mAP over those with any ({', '.join(some)})."]
+    some = {name: count for name, count in boxes.items() if count}
+    counted = ", ".join(f"{name} {count}" for name, count in some.items())
+    few = f"No class has {MIN_BOXES} evaluated boxes"
+    return list(some), [f"{few}: mAP over those with any, each with equal weight ({counted})."]

@@ -66,7 +66,7 @@ def _ratio(each: EffectRecord, criterion: str, summary: Summary) -> str:
     percent = each.map_ratio_percent if is_strict else each.map_loose_ratio_percent
     bounds = each.map_ratio_ci95 if is_strict else each.map_loose_ratio_ci95
     map_clean = summary.result.clean.means[criterion].map_r40
-    if map_clean == 0:
+    if map_clean == 0 or percent != percent:
         return formatted_ratio(percent, map_clean)
     return _percent(percent, interval_of_blocks(bounds, each.blocks))
 

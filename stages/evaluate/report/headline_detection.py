@@ -14,13 +14,13 @@ from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
 from advpipe.stages.evaluate.report.headline_parts import Card, Headline
 from advpipe.stages.evaluate.report.numbers import (
     NO_INTERVAL,
-    UNDEFINED_RATIO,
     formatted_number,
     interval,
     interval_cell,
     interval_of_blocks,
     no_interval,
     short_name,
+    undefined_ratio,
 )
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
@@ -136,8 +136,8 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
         title = attack_title(row.attack)
         subject = f"{subject[0].lower()}{subject[1:]} ({title})" if done else title
         subject = f"The strongest of {attack_count} attacks: {subject}"
-    if row.clean.means["strict"].map_r40 == 0:
-        return f"{subject}: the mAP ratio is {UNDEFINED_RATIO}."
+    if math.isnan(attack.map_ratio_percent):
+        return f"{subject}: the mAP ratio is {undefined_ratio(row.clean.means['strict'].map_r40)}."
     text = f"{subject} leaves the detector {_left(attack)}"
     strict, loose = _strongest(effects, _strict_ratio), _strongest(effects, _loose_ratio)
     if strict and loose:
@@ -162,8 +162,9 @@ def _ratio_card(
     title: str, row: ResultRow, effects: Sequence[EffectRecord], criterion: str, value: Value
 ) -> Card:
     attack, strongest = _of(effects, "adv"), _strongest(effects, value)
-    if row.clean.means[criterion].map_r40 == 0:
-        return Card(title, "undefined", meaning=UNDEFINED_RATIO, term="map_ratio")
+    if math.isnan(value(attack)):
+        text = undefined_ratio(row.clean.means[criterion].map_r40)
+        return Card(title, text.partition(":")[0], meaning=text, term="map_ratio")
     return Card(
         title,
         _percent(value(attack)),

@@ -11,6 +11,9 @@ NOTHING = "–"
 UNDEFINED_RATIO = "undefined: nothing found on the clean bag"
 """Stands for a ratio to a clean mAP of 0."""
 
+NOT_MEANINGFUL = "not meaningful"
+"""Stands, with the clean mAP, for a ratio to one near 0."""
+
 NO_INTERVAL = "no interval"
 
 
@@ -22,8 +25,17 @@ def formatted_number(value: object, digits: int, suffix: str = "") -> str:
 
 
 def formatted_ratio(percent: object, map_clean: object, digits: int = 2) -> str:
-    """A ratio to `map_clean` in percent; in words where that is 0, so that the ratio is undefined."""
-    return UNDEFINED_RATIO if map_clean == 0 else formatted_number(percent, digits)
+    """A ratio to `map_clean` in percent; in words where that is so low that the ratio is not meaningful."""
+    if map_clean == 0 or (isinstance(percent, float) and percent != percent):
+        return undefined_ratio(map_clean)
+    return formatted_number(percent, digits)
+
+
+def undefined_ratio(map_clean: object) -> str:
+    """What stands for a ratio to a clean mAP of 0 or hardly more."""
+    return (
+        UNDEFINED_RATIO if map_clean == 0 else f"{NOT_MEANINGFUL}: clean AP {formatted_number(map_clean, 3)}"
+    )
 
 
 def interval(value: object, digits: int = 1) -> str:

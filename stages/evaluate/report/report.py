@@ -12,7 +12,7 @@ from advpipe.pipeline.results.listed import Listed
 from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
-from advpipe.stages.evaluate.report.numbers import UNDEFINED_RATIO, formatted_number
+from advpipe.stages.evaluate.report.numbers import formatted_number, undefined_ratio
 from advpipe.stages.evaluate.report.section import Formula, ReportSection
 from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
 
@@ -137,8 +137,8 @@ class Report(Evaluation):
         """The report's folder, and the mAP ratio of each adversarial bag and detector."""
         ratios = [
             f"{row.bag} {formatted_number(row.attacked.map_ratio_percent, 2)} % of the clean mAP"
-            if row.clean.means["strict"].map_r40
-            else f"{row.bag} mAP ratio {UNDEFINED_RATIO}"
+            if row.attacked.map_ratio_percent == row.attacked.map_ratio_percent
+            else f"{row.bag} mAP ratio {undefined_ratio(row.clean.means['strict'].map_r40)}"
             for row in self.results
             if row.attacked
         ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
@@ -125,8 +127,10 @@ def table_notes(report: Report) -> list[str]:
     for row in report.results:
         bag = f"{row.bag}, seen by {short_name(row.detector)}" if several else row.bag
         size = f"{row.counts.frames} frames, {row.counts.objects} objects"
-        classes = ", ".join(row.counts.classes_in_map)
-        notes.append(" ".join([f"{bag}: {size}, mAP over {classes}.", *row.notes]))
+        inside = [name for name in row.boxes if name in row.counts.classes_in_map]
+        outside = [name for name in row.boxes if name not in inside and row.boxes[name]]
+        left_out = f", without {_with_boxes(row, outside)}" if outside else ""
+        notes.append(" ".join([f"{bag}: {size}, mAP over {_with_boxes(row, inside)}{left_out}.", *row.notes]))
         strongest = row.strongest_baseline
         if strongest and (bounds := row.baselines[strongest].map_ratio_delta_points_ci95):
             delta = formatted_number(row.baselines[strongest].map_ratio_delta_points, 2)
@@ -143,6 +147,11 @@ def table_notes(report: Report) -> list[str]:
     if any(row.attacked for row in report.results):
         notes.append(WHITE_BOX)
     return notes
+
+
+def _with_boxes(row: ResultRow, names: Sequence[str]) -> str:
+    """Classes with their evaluated boxes, such as `car (812), truck (57)`."""
+    return ", ".join(f"{name} ({row.boxes[name]:,})" for name in names)
 
 
 def _lost_note(report: Report, row: ResultRow, bag: str) -> list[str]:

@@ -11,6 +11,7 @@ from rich.table import Table as RichTable
 from advpipe.pipeline.core.streams import plain_console
 from advpipe.stages.evaluate.report.numbers import (
     NO_INTERVAL,
+    NOT_MEANINGFUL,
     NOTHING,
     UNDEFINED_RATIO,
     formatted_number,
@@ -91,7 +92,7 @@ def _table(title: str, columns: Sequence[str], found: Sequence[dict[str, str]]) 
 
 
 def _short(cell: str) -> str:
-    if cell == UNDEFINED_RATIO:
+    if cell.startswith((UNDEFINED_RATIO, NOT_MEANINGFUL)):
         return cell.partition(":")[0]
     return NOTHING if cell.startswith(NO_INTERVAL) else cell
 

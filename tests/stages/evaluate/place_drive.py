@@ -68,6 +68,18 @@ class MirroredDetector(PlaceDetector):
         return replace(found, boxes=found.boxes * [1, -1, 1, 1, 1, 1, -1])
 
 
+class FaintDetector(PlaceDetector):
+    """Sees the first car, faintly, and forty cars for certain where there are none."""
+
+    def detect(self, cloud):
+        false = np.tile(PLACES[0], (40, 1))
+        false[:, 0], false[:, 1] = 40.0, np.linspace(-39, 39, 40)
+        seen = PLACES[:1][count_points(xyz(cloud), PLACES[:1]) >= self.least]
+        scores = np.append(np.full(40, 0.9), np.full(len(seen), 0.1))
+        labels = np.full(len(scores), self.classes.index("car"), np.int64)
+        return Detections(np.concatenate([false, seen]), scores, labels)
+
+
 DETECTOR = "place_drive:PlaceDetector"
 
 

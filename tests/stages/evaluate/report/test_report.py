@@ -30,7 +30,10 @@ def test_classes_of_the_map():
     assert classes_in_map({"car": 50, "truck": 49, "cyclist": 0}) == (["car"], [])
     chosen, notes = classes_in_map({"car": 10, "truck": 0, "pedestrian": 3})
     assert chosen == ["car", "pedestrian"]
-    assert notes == ["No class has 50 evaluated boxes: mAP over those with any (car, pedestrian)."]
+    assert notes == [
+        "No class has 50 evaluated boxes: mAP over those with any, each with equal weight "
+        "(car 10, pedestrian 3)."
+    ]
 
 
 def test_json_has_no_nan():

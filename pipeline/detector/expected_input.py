@@ -1,0 +1,42 @@
+"""What a detector expects of clouds: the LiDAR's height above the ground, and the range of intensities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.detector.protocol import ObjectDetector
+
+BRIGHTEST = 1.0
+"""The highest intensity of advpipe's own clouds."""
+
+
+@dataclass(frozen=True)
+class ExpectedInput:
+    """The clouds that a detector was made for.
+
+    lidar_height_m: of the origin of coordinates above the ground, which is level. max_intensity: intensities
+    go from 0 to this.
+    """
+
+    lidar_height_m: float
+    max_intensity: float = BRIGHTEST
+
+
+@runtime_checkable
+class DeclaresInput(Protocol):
+    """A detector that says what it expects; a user's class may implement it."""
+
+    @property
+    def expected_input(self) -> ExpectedInput | None:
+        """What it expects; None where that is unknown."""
+
+
+def expected_input_of(detector: ObjectDetector) -> ExpectedInput | None:
+    """What a detector expects; None for one that does not say. Raises UsageError for another type."""
+    expected = detector.expected_input if isinstance(detector, DeclaresInput) else None
+    if expected is None or isinstance(expected, ExpectedInput):
+        return expected
+    name = type(detector).__name__
+    raise UsageError(f"{name}.expected_input is {expected!r}; give an advpipe.ExpectedInput")

@@ -1,0 +1,85 @@
+"""A line where a bag's clouds differ from those that a detector expects, with the option to use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from advpipe.pipeline.bag.lidar_mount import base_link_SE3_lidar
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.option_names import option_name
+from advpipe.pipeline.core.verbosity import notice
+from advpipe.pipeline.detector.adaptation import Adaptation
+from advpipe.pipeline.detector.expected_input import ExpectedInput, expected_input_of
+from advpipe.pipeline.detector.protocol import ObjectDetector
+from advpipe.pipeline.geometry.ground_plane import HEIGHTS_M, fit_ground
+from advpipe.pipeline.messages.cloud import StampedCloud, xyz
+
+TOLERATED_M, TOLERATED_DEG = 0.15, 1.0
+"""The LiDAR may be this much higher or lower than expected, and tilted by this much: `small` loses little."""
+
+FULL_SCALES = (255.0, 65535.0)
+"""The highest intensities of sensors that give whole numbers."""
+
+_notice_once = cache(notice)
+"""A sweep attacks and evaluates one bag many times."""
+
+
+def notice_unexpected_input(
+    reader: BagReader, topic: str, name: str, detector: ObjectDetector, adaptation: Adaptation
+) -> None:
+    """Prints how the first cloud of a topic differs from what a detector expects, and what to do.
+
+    name: the detector's, as the user has it. Nothing is printed for a detector that declares nothing, and
+    for what the adaptation takes care of.
+    """
+    expected = expected_input_of(detector)
+    first = next(iter(reader.raw_messages([topic])), None)
+    if expected is None or first is None:
+        return
+    for difference in input_differences(reader, reader.cloud(first), expected, adaptation):
+        _notice_once(f"note: {reader.path}: {difference.format(detector=Path(name).name)}")
+
+
+def input_differences(
+    reader: BagReader, first: StampedCloud, expected: ExpectedInput, adaptation: Adaptation
+) -> Iterator[str]:
+    """Each difference of the first cloud as a sentence about the bag, with the option to use; `{detector}`
+    stands for the detector's name."""
+    if adaptation.level:
+        fit = fit_ground(xyz(first.cloud))
+        if isinstance(fit, str):
+            yield f"{option_name('level', True)} does not level the first cloud: {fit}"
+    elif mount := _height_and_tilt(reader, first):
+        height_m, tilt_rad = mount
+        taken_m = expected.lidar_height_m if adaptation.lidar_height_m is None else adaptation.lidar_height_m
+        if abs(height_m - taken_m) > TOLERATED_M:
+            what = f"its LiDAR is {height_m:.2f} m above the ground"
+            whose = "{detector} expects" if adaptation.lidar_height_m is None else "the option says"
+            given = option_name("lidar_height_m", round(height_m, 2))
+            yield f"{what}, {whose} {taken_m:.2f} m; give {given} or {option_name('level', True)}"
+        if (tilt_deg := math.degrees(tilt_rad)) > TOLERATED_DEG:
+            yield (
+                f"its LiDAR is tilted by {tilt_deg:.1f}°, {{detector}} expects level ground; "
+                f"give {option_name('level', True)}"
+            )
+    brightest = float(np.nanmax(first.cloud["intensity"], initial=0.0))
+    if brightest * adaptation.scale_intensity > 1.01 * expected.max_intensity:
+        full = next((scale for scale in FULL_SCALES if brightest <= scale), brightest)
+        option = option_name("scale_intensity", float(f"{expected.max_intensity / full:.6g}"))
+        whose = f"{{detector}} expects up to {expected.max_intensity:g}"
+        yield f"its intensities go up to {brightest:g}, {whose}; give {option}"
+
+
+def _height_and_tilt(reader: BagReader, first: StampedCloud) -> tuple[float, float] | None:
+    """The LiDAR's height in metres and its tilt in radians, by its mount or else by the ground; None where
+    neither is known."""
+    mount = base_link_SE3_lidar(reader, first.frame_id)
+    if mount is not None and HEIGHTS_M[0] < mount[2, 3] < HEIGHTS_M[1]:
+        return float(mount[2, 3]), float(np.arccos(np.clip(mount[2, 2], -1.0, 1.0)))
+    plane = fit_ground(xyz(first.cloud))
+    return None if isinstance(plane, str) else (plane.height_m, plane.tilt_rad)

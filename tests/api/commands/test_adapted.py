@@ -1,0 +1,189 @@
+"""A drive of a LiDAR that a detector does not expect: it is told, and options make it good."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import advpipe
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.lidar_mount import base_link_SE3_lidar
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.option_names import use_flags
+from advpipe.pipeline.dataset.sample import shipped_sample
+from advpipe.pipeline.detector.adaptation import Adaptation
+from advpipe.pipeline.detector.adapted import adapted_detector
+from advpipe.pipeline.detector.input_notice import notice_unexpected_input
+from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.geometry.ground_plane import GroundPlane, fit_ground
+from advpipe.pipeline.messages.cloud import cloud_to_cdr, xyz
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.stages.evaluate.detection.scoring import CachedDetector, found_objects, ground_truth, match
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from raised_bag import record_raised
+
+CLEAN = shipped_sample() / "clean"
+LIDAR = VehicleTopics().lidar_points.name
+
+Record = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    """A bag of the sample's drive with another LiDAR, made once for each."""
+    made: dict[tuple[tuple[str, float], ...], Path] = {}
+
+    def make(**lidar: float) -> Path:
+        key = tuple(sorted(lidar.items()))
+        if key not in made:
+            made[key] = record_raised(CLEAN, tmp_path_factory.mktemp("raised") / "clean", **lidar)
+        return made[key]
+
+    return make
+
+
+def found_by(bag: Path, adaptation: Adaptation | None = None) -> int:
+    """How many objects `small` finds in the first cloud."""
+    detector = CachedDetector(adapted_detector(load_detector("small"), adaptation or Adaptation()))
+    (frame,) = read_frames(bag, FrameSlice(0, 1))
+    truth = ground_truth(frame, detector.classes, detector.range_m)
+    matches = match(truth, detector.detect(frame.cloud), detector.classes, ("loose",))
+    return int(found_objects(truth, matches, 0.2).sum())
+
+
+def notices(bag: Path, capsys: pytest.CaptureFixture[str], adaptation: Adaptation | None = None) -> list[str]:
+    capsys.readouterr()
+    detector = load_detector("small")
+    with use_flags():
+        notice_unexpected_input(BagReader(bag), LIDAR, "small", detector, adaptation or Adaptation())
+    return [line.removeprefix(f"note: {bag}: ") for line in capsys.readouterr().err.splitlines()]
+
+
+def test_a_raised_lidar_costs_recall_and_the_options_bring_it_back(recorded: Record) -> None:
+    raised, before = recorded(up_m=0.4), found_by(CLEAN)
+    assert found_by(raised) < 0.5 * before
+    assert found_by(raised, Adaptation(2.2)) == before
+    assert found_by(raised, Adaptation(level=True)) >= 0.9 * before
+    assert found_by(recorded(up_m=0.3, pitch_rad=0.05), Adaptation(level=True)) >= 0.85 * before
+
+
+def test_bright_clouds(recorded: Record) -> None:
+    bright, before = recorded(intensity=255.0), found_by(CLEAN)
+    assert found_by(bright) < 0.5 * before
+    assert found_by(bright, Adaptation(scale_intensity=1 / 255)) == before
+
+
+def test_the_ground_of_a_simulated_drive_is_where_the_mount_says() -> None:
+    (frame,) = read_frames(CLEAN, FrameSlice(0, 1))
+    plane = fit_ground(xyz(frame.cloud))
+    assert isinstance(plane, GroundPlane)
+    assert plane.height_m == pytest.approx(1.8, abs=0.01)
+    assert np.degrees(plane.tilt_rad) < 0.2
+
+
+def test_the_mount_is_read(recorded: Record) -> None:
+    raised = recorded(up_m=0.4)
+    pose = base_link_SE3_lidar(BagReader(raised), "ego/lidar")
+    assert pose is not None
+    assert pose[2, 3] == pytest.approx(2.2)
+    assert base_link_SE3_lidar(BagReader(raised), "elsewhere") is None
+
+
+def test_what_differs_is_told(recorded: Record, capsys: pytest.CaptureFixture[str]) -> None:
+    assert notices(CLEAN, capsys) == []
+    raised = recorded(up_m=0.4)
+    assert notices(raised, capsys) == [
+        "its LiDAR is 2.20 m above the ground, small expects 1.80 m; give --lidar-height 2.2 or --level"
+    ]
+    assert notices(raised, capsys) == []  # once in a process
+    assert notices(raised, capsys, Adaptation(2.2)) == []
+    assert notices(raised, capsys, Adaptation(level=True)) == []
+    assert notices(raised, capsys, Adaptation(1.4)) == [
+        "its LiDAR is 2.20 m above the ground, the option says 1.40 m; give --lidar-height 2.2 or --level"
+    ]
+    assert notices(recorded(up_m=0.3, pitch_rad=0.05), capsys, Adaptation(2.1)) == [
+        "its LiDAR is tilted by 2.9°, small expects level ground; give --level"
+    ]
+    assert notices(recorded(intensity=255.0), capsys) == [
+        "its intensities go up to 255, small expects up to 1; give --scale-intensity 0.00392157"
+    ]
+    assert notices(recorded(intensity=255.0), capsys, Adaptation(scale_intensity=1 / 255)) == []
+
+
+def test_without_a_mount_the_ground_decides(
+    recorded: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (frame,) = read_frames(recorded(up_m=0.4), FrameSlice(0, 1))
+    for name, cloud in (("raised", frame.cloud), ("empty", frame.cloud[:10])):
+        with BagWriter(tmp_path / name, provenance={}) as bag:
+            bag.write_cdr(VehicleTopics().lidar_points, cloud_to_cdr(cloud, 0, "ego/lidar"), 0)
+    (line,) = notices(tmp_path / "raised", capsys)
+    assert line.startswith("its LiDAR is 2.20 m above the ground")
+    assert notices(tmp_path / "empty", capsys) == []
+    (line,) = notices(tmp_path / "empty", capsys, Adaptation(level=True))
+    assert line.startswith("--level does not level the first cloud: only ")
+
+
+def test_a_report_and_a_bag_say_how_clouds_were_shown(recorded: Record, tmp_path: Path) -> None:
+    raised, options = recorded(up_m=0.4), {"lidar_height_m": 2.2, "level": True}
+    attacked = advpipe.attack(
+        raised,
+        type="perturb",
+        eps_cm=5,
+        frames="0:1",
+        out=tmp_path / "bag",
+        steps=3,
+        **options,
+    )
+    assert attacked.unchanged == 0
+    before, after = attacked.mean_losses
+    assert after > 1.05 * before  # the gradient reaches the points of a tilted frame
+    (one,) = yaml.safe_load((tmp_path / "bag" / "attack.yaml").read_text(encoding="utf-8"))["attacks"]
+    assert {key: one.get(key) for key in ("lidar_height_m", "level", "scale_intensity")} == {
+        **options,
+        "scale_intensity": None,
+    }
+    report = advpipe.evaluate(
+        raised, attacked, out=tmp_path / "report", baseline=False, scene=False, workers=1, level=True
+    )
+    stored = json.loads((tmp_path / "report" / "report.json").read_text(encoding="utf-8"))
+    assert stored["provenance"]["adaptation"] == {
+        "lidar_height_m": None,
+        "level": True,
+        "scale_intensity": 1.0,
+    }
+    assert "levelled by the ground fitted in each" in stored["formulas"]["adaptation"]
+    (row,) = report.to_dicts()
+    assert row["map_adv"] < row["map_clean"]
+    assert any("saw clouds otherwise: with lidar_height_m 2.2" in note for note in row["notes"])
+
+
+def test_an_attack_on_clouds_as_they_are_does_not_mention_it(tmp_path: Path) -> None:
+    advpipe.attack(CLEAN, type="detach", recipe="random", frames="0:1", out=tmp_path / "bag")
+    text = (tmp_path / "bag" / "attack.yaml").read_text(encoding="utf-8")
+    assert "level" not in text
+    assert "scale_intensity" not in text
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"lidar_height_m": -1.0}, "lidar_height_m"),
+        ({"scale_intensity": 0.0}, "scale_intensity"),
+        ({"scale_intensity": float("nan")}, "scale_intensity"),
+    ],
+)
+def test_mistakes(tmp_path: Path, options: dict[str, float], line: str) -> None:
+    with pytest.raises(advpipe.AdvpipeError, match=line):
+        advpipe.attack(CLEAN, out=tmp_path / "bag", **options)
+    with pytest.raises(advpipe.AdvpipeError, match=line):
+        advpipe.evaluate(CLEAN, out=tmp_path / "report", **options)
