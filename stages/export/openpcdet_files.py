@@ -51,12 +51,13 @@ from pathlib import Path
 
 from easydict import EasyDict
 from pcdet.config import cfg_from_yaml_file
-from pcdet.datasets.custom.custom_dataset import create_custom_infos
+from pcdet.datasets.custom import custom_dataset
 
+custom_dataset.Path = Path  # which that file imports only when it runs by itself
 here = Path(__file__).resolve().parent
 config = cfg_from_yaml_file(here / "second.yaml", EasyDict())
 for sets in sorted(here.parent.glob("*/ImageSets")):
-    create_custom_infos(config.DATA_CONFIG, config.CLASS_NAMES, sets.parent, sets.parent)
+    custom_dataset.create_custom_infos(config.DATA_CONFIG, config.CLASS_NAMES, sets.parent, sets.parent)
 '''
 
 _README = """\

@@ -40,12 +40,13 @@ from pathlib import Path
 
 from easydict import EasyDict
 from pcdet.config import cfg_from_yaml_file
-from pcdet.datasets.kitti.kitti_dataset import create_kitti_infos
+from pcdet.datasets.kitti import kitti_dataset
 
+kitti_dataset.Path = Path  # which that file imports only when it runs by itself
 here = Path(__file__).resolve().parent
 data = cfg_from_yaml_file(here / "second.yaml", EasyDict()).DATA_CONFIG
 for sets in sorted(here.parent.glob("*/ImageSets")):
-    create_kitti_infos(data, ["Car", "Pedestrian", "Cyclist"], sets.parent, sets.parent)
+    kitti_dataset.create_kitti_infos(data, ["Car", "Pedestrian", "Cyclist"], sets.parent, sets.parent)
 '''
 
 _MMDET3D = """\
