@@ -76,6 +76,9 @@ From OpenPCDet's folder `tools`, with EXPORT for this folder; the last line test
     python test.py --cfg_file ../data/advpipe/openpcdet/second.yaml --ckpt CHECKPOINT
     python test.py --cfg_file ../data/advpipe/openpcdet/second.yaml --ckpt CHECKPOINT \\
         --set DATA_CONFIG.DATA_PATH ../data/advpipe/{example}
+
+Training samples objects from other frames, for which every class has to be in `ImageSets/train.txt`; else add
+`--set DATA_CONFIG.DATA_AUGMENTOR.DISABLE_AUG_LIST gt_sampling`.
 """
 
 

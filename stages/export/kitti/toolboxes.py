@@ -84,7 +84,8 @@ From its folder `tools`, with EXPORT for this folder; the last line tests on an 
         --set DATA_CONFIG.DATA_PATH ../data/advpipe/{example}
 
 Add `DATA_CONFIG.INFO_PATH.test kitti_infos_trainval.pkl DATA_CONFIG.DATA_SPLIT.test trainval` after `--set`
-to test on all frames.
+to test on all frames. Training samples objects from other frames, for which every class has to be in
+`ImageSets/train.txt`; else add `--set DATA_CONFIG.DATA_AUGMENTOR.DISABLE_AUG_LIST gt_sampling`.
 
 ## MMDetection3D
 
