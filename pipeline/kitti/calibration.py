@@ -44,8 +44,7 @@ class KittiCalibration:
     @property
     def lidar_SE3_rectified(self) -> Float64:
         """The inverse."""
-        inverse: Float64 = np.linalg.inv(self.rectified_SE3_lidar)
-        return inverse
+        return np.asarray(np.linalg.inv(self.rectified_SE3_lidar), np.float64)
 
     def image_P_lidar(self, camera: int = LABELLED_CAMERA) -> Float64:
         """The projection (3, 4) from the LiDAR's frame to a camera's pixels."""

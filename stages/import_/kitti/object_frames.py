@@ -199,7 +199,7 @@ def _has_split(folder: Path, split: str) -> bool:
 
 def _folder_of(source: Path, split: str | None) -> Path:
     """The folder with velodyne/ and calib/: the source, or its training/ or testing/."""
-    if (source / "velodyne").is_dir():
+    if any((source / name).is_dir() for name in ("velodyne", "label_2")):
         return source
     name = "testing" if split in _TEST_SPLITS or not (source / "training").is_dir() else "training"
     folder = source / name

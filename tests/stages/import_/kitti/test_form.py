@@ -77,7 +77,10 @@ def test_other_folders_are_refused(tmp_path):
         KittiForm().open(tmp_path / "none", ImportOptions())
     with pytest.raises(UsageError, match="is no folder of KITTI"):
         KittiForm().open(tmp_path, ImportOptions())
-    write_odometry(write_object_frames(tmp_path)).joinpath("calib").mkdir()
+    (tmp_path / "labels" / "label_2").mkdir(parents=True)
+    with pytest.raises(UsageError, match=r"velodyne holds no \.bin files; unpack KITTI's velodyne archive"):
+        KittiForm().open(tmp_path / "labels", ImportOptions())
+    write_odometry(write_object_frames(tmp_path))
     with pytest.raises(UsageError, match="mixes KITTI's forms object and odometry"):
         KittiForm().open(tmp_path, ImportOptions())
 
