@@ -50,7 +50,7 @@ class OpenPcdetExport(ExportForm):
         validation = validation_names(labelled)
         write_splits(root, labelled, validation)
         for name, bag in chosen.attacked.items():
-            written = _write_attacked(folder / name, root, attacked_clouds_of(bag, names, options))
+            written = _write_attacked(folder / name, root, _attacked_tables(bag, names, options))
             write_splits(folder / name, [each for each in labelled if each in written], validation)
         write_openpcdet_configurations(folder, chosen.clean_name, list(chosen.attacked))
         notes = [*chosen.notes]
@@ -74,7 +74,7 @@ def _write_attacked(folder: Path, clean: Path, clouds: Iterator[tuple[str, np.nd
     return written
 
 
-def attacked_clouds_of(
+def _attacked_tables(
     bag: Path, names: Mapping[int, str], options: ExportOptions
 ) -> Iterator[tuple[str, np.ndarray]]:
     """The tables (N, 4) of an adversarial bag by the names of frames."""

@@ -51,12 +51,13 @@ from pathlib import Path
 
 from easydict import EasyDict
 from pcdet.config import cfg_from_yaml_file
-from pcdet.datasets.custom.custom_dataset import create_custom_infos
+from pcdet.datasets.custom import custom_dataset
 
+custom_dataset.Path = Path  # which that file imports only when it runs by itself
 here = Path(__file__).resolve().parent
 config = cfg_from_yaml_file(here / "second.yaml", EasyDict())
 for sets in sorted(here.parent.glob("*/ImageSets")):
-    create_custom_infos(config.DATA_CONFIG, config.CLASS_NAMES, sets.parent, sets.parent)
+    custom_dataset.create_custom_infos(config.DATA_CONFIG, config.CLASS_NAMES, sets.parent, sets.parent)
 '''
 
 _README = """\
@@ -75,6 +76,9 @@ From OpenPCDet's folder `tools`, with EXPORT for this folder; the last line test
     python test.py --cfg_file ../data/advpipe/openpcdet/second.yaml --ckpt CHECKPOINT
     python test.py --cfg_file ../data/advpipe/openpcdet/second.yaml --ckpt CHECKPOINT \\
         --set DATA_CONFIG.DATA_PATH ../data/advpipe/{example}
+
+Training samples objects from other frames, for which every class has to be in `ImageSets/train.txt`; else add
+`--set DATA_CONFIG.DATA_AUGMENTOR.DISABLE_AUG_LIST gt_sampling`.
 """
 
 

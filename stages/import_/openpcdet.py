@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -134,10 +134,9 @@ class PointFolders:
             ) from None
         columns = self._columns or COLUMN_NAMES[:4]
         if getattr(table, "ndim", 0) != 2 or table.shape[1] != len(columns) or table.dtype.kind not in "fiu":
-            shape = getattr(table, "shape", None)
             raise AdvpipeError(
-                f"{file}: holds {'several arrays' if shape is None else f'{shape} of {table.dtype}'}, not a "
-                f"table of {len(columns)} columns ({','.join(columns)}); name its columns by --columns"
+                f"{file}: holds {_described(table)}, not a table of {len(columns)} columns "
+                f"({','.join(columns)}); name its columns by --columns"
             )
         scale = self._options.scale_intensity
         return cloud_of_columns(table, columns, 1.0 if scale is None else scale)
@@ -183,6 +182,10 @@ class PointFolders:
                 )
             )
         return box, class_name
+
+
+def _described(loaded: Any) -> str:
+    return f"{loaded.shape} of {loaded.dtype}" if isinstance(loaded, np.ndarray) else "several arrays"
 
 
 def _table(rows: Sequence[tuple[list[float], str, str]]) -> np.ndarray:

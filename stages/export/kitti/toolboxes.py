@@ -40,12 +40,13 @@ from pathlib import Path
 
 from easydict import EasyDict
 from pcdet.config import cfg_from_yaml_file
-from pcdet.datasets.kitti.kitti_dataset import create_kitti_infos
+from pcdet.datasets.kitti import kitti_dataset
 
+kitti_dataset.Path = Path  # which that file imports only when it runs by itself
 here = Path(__file__).resolve().parent
 data = cfg_from_yaml_file(here / "second.yaml", EasyDict()).DATA_CONFIG
 for sets in sorted(here.parent.glob("*/ImageSets")):
-    create_kitti_infos(data, ["Car", "Pedestrian", "Cyclist"], sets.parent, sets.parent)
+    kitti_dataset.create_kitti_infos(data, ["Car", "Pedestrian", "Cyclist"], sets.parent, sets.parent)
 '''
 
 _MMDET3D = """\
@@ -83,7 +84,8 @@ From its folder `tools`, with EXPORT for this folder; the last line tests on an 
         --set DATA_CONFIG.DATA_PATH ../data/advpipe/{example}
 
 Add `DATA_CONFIG.INFO_PATH.test kitti_infos_trainval.pkl DATA_CONFIG.DATA_SPLIT.test trainval` after `--set`
-to test on all frames.
+to test on all frames. Training samples objects from other frames, for which every class has to be in
+`ImageSets/train.txt`; else add `--set DATA_CONFIG.DATA_AUGMENTOR.DISABLE_AUG_LIST gt_sampling`.
 
 ## MMDetection3D
 

@@ -52,11 +52,12 @@ class ObjectFrames:
         ignored = [name for name, ours in self._classes.items() if ours == IGNORED and name != DONT_CARE]
         notes = [
             f"frames of unrelated places, taken as {self._interval_ns / 1e9:g} s apart (--interval)",
+            "taken as KITTI's own data; for other data in its form give --licence",
             "objects count within camera 2's image and outside DontCare; "
             + (f"{', '.join(ignored)} count neither way (--class)" if ignored else "no class is ignored"),
         ]
         if not self._is_labelled:
-            notes = [*notes[:1], "no label_2: the frames have no ground truth"]
+            notes = [*notes[:2], "no label_2: the frames have no ground truth"]
         if self._unknown_sizes:
             width_px, height_px = cameras.USUAL_SIZE_PX
             notes.append(
@@ -198,7 +199,7 @@ def _has_split(folder: Path, split: str) -> bool:
 
 def _folder_of(source: Path, split: str | None) -> Path:
     """The folder with velodyne/ and calib/: the source, or its training/ or testing/."""
-    if (source / "velodyne").is_dir():
+    if any((source / name).is_dir() for name in ("velodyne", "label_2")):
         return source
     name = "testing" if split in _TEST_SPLITS or not (source / "training").is_dir() else "training"
     folder = source / name

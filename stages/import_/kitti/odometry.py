@@ -85,10 +85,8 @@ class OdometrySequence:
         if self._poses is None:
             return None
         first_SE3_camera = np.vstack([self._poses[number].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-        map_SE3_base: Float64 = (
-            self._base_SE3_camera @ first_SE3_camera @ np.linalg.inv(self._base_SE3_camera)
-        )
-        return map_SE3_base
+        first_SE3_base = self._base_SE3_camera @ first_SE3_camera @ np.linalg.inv(self._base_SE3_camera)
+        return np.asarray(first_SE3_base, np.float64)
 
 
 def _sequences(source: Path) -> dict[str, Path]:
