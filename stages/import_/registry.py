@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
+from advpipe.stages.import_.files import PointFolderForm
 from advpipe.stages.import_.form import DriveForm
+from advpipe.stages.import_.rosbag.form import RosbagForm
 
-FORMS: Mapping[str, DriveForm] = {}
+FORMS: Mapping[str, DriveForm] = {"files": PointFolderForm(), "rosbag": RosbagForm()}
 
 
 def find_form(name: str) -> DriveForm:
