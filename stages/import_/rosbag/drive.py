@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3_from_yaw
 from advpipe.pipeline.messages import build
@@ -181,7 +182,8 @@ class RecordedDrive:
                     waiting.append(recorded)
                 index += 1
             else:
-                self._take(tree, recorded, labels)
+                with self._usable(recorded):
+                    self._take(tree, recorded, labels)
         while waiting:
             yield self._instant(tree, waiting.popleft(), labels)
 
@@ -200,15 +202,29 @@ class RecordedDrive:
 
     def _instant(self, tree: TransformTree, recorded: Recorded, labels: deque[tuple[int, Any]]) -> Instant:
         message = self._recording.decode(recorded)
-        stamp_ns = _stamp_ns(message, recorded)
+        with self._usable(recorded):
+            stamp_ns = _stamp_ns(message, recorded)
+            frame_id = str(message.header.frame_id).removeprefix("/")
         tree.forget_before(stamp_ns - 2 * LATENCY_NS)
         while labels and labels[0][0] < stamp_ns - 2 * LATENCY_NS:
             labels.popleft()
         nearest = min(labels, key=lambda label: abs(label[0] - stamp_ns), default=None)
         if nearest is not None and abs(nearest[0] - stamp_ns) > FARTHEST_LABEL_NS:
             nearest = None
-        frame_id = str(message.header.frame_id).removeprefix("/")
         return Instant(stamp_ns, frame_id, recorded, message, nearest)
+
+    @contextmanager
+    def _usable(self, recorded: Recorded) -> Iterator[None]:
+        """Fields of a type that a recording defines in its own way, as AdvpipeError."""
+        try:
+            yield
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
+            raise AdvpipeError(
+                one_line(
+                    f"{self._recording.path}: a message of {recorded.topic} at {recorded.log_time_ns} ns cannot "
+                    f"be understood as {recorded.type}: {error}"
+                )
+            ) from None
 
     def _sentences(self, height_m: float | None) -> Iterator[str]:
         """How the recording was understood."""
@@ -234,5 +250,6 @@ def _is_around_origin(named: NamedBox) -> bool:
 
 
 def _stamp_ns(message: Any, recorded: Recorded) -> int:
-    """The header's stamp; the time of recording where a driver left it at 0."""
-    return build.stamp_ns(message) or recorded.log_time_ns
+    """The header's stamp, of markers that of the first; the time of recording where a driver left it at 0."""
+    stamped = message.markers[0] if getattr(message, "markers", None) else message
+    return (build.stamp_ns(stamped) if hasattr(stamped, "header") else 0) or recorded.log_time_ns

@@ -15,6 +15,7 @@ from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Rosbag1Reader
 from rosbags.rosbag1.reader import Chunk
 from rosbags.rosbag2 import Reader as Rosbag2Reader
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from advpipe.pipeline.bag.files import METADATA_NAME, read_information
@@ -233,7 +234,7 @@ class RosbagsRecording:
             return known_types()
         if (name, definition.data) not in self._stores:
             is_idl = definition.format == MessageDefinitionFormat.IDL
-            store = Typestore()
+            store = get_typestore(Stores.EMPTY)
             try:
                 store.register(types_from(definition.data, "ros2idl" if is_idl else "ros2msg", name))
             except Exception:  # as above
