@@ -5,5 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from advpipe.stages.export.form import ExportForm
+from advpipe.stages.export.pcd import PcdExport
 
-EXPORT_FORMS: Mapping[str, ExportForm] = {}
+EXPORT_FORMS: Mapping[str, ExportForm] = {"pcd": PcdExport()}

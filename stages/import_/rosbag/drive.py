@@ -221,8 +221,8 @@ class RecordedDrive:
         except (AttributeError, TypeError, ValueError, OverflowError) as error:
             raise AdvpipeError(
                 one_line(
-                    f"{self._recording.path}: a message of {recorded.topic} at {recorded.log_time_ns} ns cannot "
-                    f"be understood as {recorded.type}: {error}"
+                    f"{self._recording.path}: a message of {recorded.topic} at {recorded.log_time_ns} ns "
+                    f"cannot be understood as {recorded.type}: {error}"
                 )
             ) from None
 
