@@ -16,7 +16,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, as_usage_error
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.job_folder import job_folder
-from advpipe.pipeline.core.partial import FolderKind, finish_moves, staged_folder
+from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
@@ -100,7 +100,9 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
     """The chosen frames in bags of `PART_FRAMES`; those that an earlier run finished are not read again."""
     starts = range(0, len(indices), PART_FRAMES)
     folders = [job / f"{start:08d}-{min(start + PART_FRAMES, len(indices)):08d}" for start in starts]
-    done = next((k for k, part in enumerate(folders) if not part.is_dir()), len(folders))
+    done = next((k for k, part in enumerate(folders) if not _is_whole(part)), len(folders))
+    for part in folders[done:]:  # after one that a power failure damaged
+        remove_output(part)
     yield from folders[:done]
     if done:
         checks.warnings.extend(read_part_summary(folders[done - 1]).warnings)
@@ -130,6 +132,14 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
         yield part
 
 
+def _is_whole(part: Path) -> bool:
+    """Whether a part is there and can be read."""
+    try:
+        return part.is_dir() and bool(read_part_summary(part)) and bool(BagReader(part).topics)
+    except AdvpipeError:
+        return False
+
+
 def _signature(request: ImportRequest, source: DriveSource) -> str:
     """What decides the parts: the request, and whether the source is the one that was read before."""
     status = request.source.stat()
@@ -150,11 +160,15 @@ def _joined(parts: Sequence[Path], source: DriveSource) -> Iterator[StampedCdr]:
     """The messages of all parts in time order, after those that are recorded once."""
     is_first = True
     for part in track(parts, "writing the bag"):
-        for raw in BagReader(part).raw_messages():
-            if is_first:
-                yield from static_messages(raw.log_time_ns, source.static_transforms)
-                is_first = False
-            yield raw.topic, raw.cdr, raw.log_time_ns
+        try:
+            for raw in BagReader(part).raw_messages():
+                if is_first:
+                    yield from static_messages(raw.log_time_ns, source.static_transforms)
+                    is_first = False
+                yield raw.topic, raw.cdr, raw.log_time_ns
+        except AdvpipeError as error:
+            remove_output(part)  # or every further run would end here
+            raise AdvpipeError(f"{error}; run the same import again, which reads these frames anew") from None
 
 
 def _description(

@@ -66,6 +66,9 @@ CASES = {
     "unpack": Case("unpack ready.tar --out u", "u", has_overwrite=False),
     "recover": Case("recover cut.mcap", "cut-recovered"),
     "export": Case("export d --out v", "v"),
+    "export to files": Case("export d --format pcd --frames 0:3 --out p", "p"),
+    "import files": Case("import files pcd/clean --out i", "i"),
+    "import a recording": Case("import rosbag d/clean --frames 0:4 --out i", "i"),
     "plot": Case("plot d --out v2x.png", "v2x.png"),
     "schema": Case("schema --out scenario.schema.json", "scenario.schema.json"),
 }
@@ -73,8 +76,8 @@ IN_DATA_SET = ("lidar", "cam", "gnss", "evaluate", "sweep")
 """Cases whose output is a part of `d`: what a kill leaves there is in the way of nobody who shares it."""
 
 NIGHTLY = pytest.mark.nightly
-EVERY_TIME = ("simulate", "lidar", "share in parts")
-"""Killed in every run of the tests: a job, one that goes on where it stopped, files beside each other."""
+EVERY_TIME = ("simulate", "lidar", "import files", "share in parts")
+"""Killed in every run of the tests: a job, two that go on where they stopped, files beside each other."""
 
 
 def chosen(names: Iterable[str]) -> list[Any]:
@@ -95,10 +98,14 @@ def forks() -> Iterator[Forks]:
 
 @pytest.fixture(scope="module")
 def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set `d` with an attack, an archive of it, and a recording that was cut off."""
+    """A data set `d` with an attack, an archive of it, its clouds as files, and a truncated recording."""
     folder = tmp_path_factory.mktemp("ready")
     (folder / "tiny.yaml").write_text(SCENARIO)
-    for command in ("simulate tiny.yaml --out d", f"{RANDOM} d/adv --frames ::5", "share d --out ready.tar"):
+    commands = (
+        *("simulate tiny.yaml --out d", f"{RANDOM} d/adv --frames ::5", "share d --out ready.tar"),
+        "export d --format pcd --frames 0:4 --out pcd",
+    )
+    for command in commands:
         done = forks.run(folder, *command.split())
         assert done.code == 0, done.error
     whole = (folder / "d" / "clean" / "clean_0.mcap").read_bytes()

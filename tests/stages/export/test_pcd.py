@@ -19,7 +19,7 @@ from advpipe.stages.export.run import export_bags
 from advpipe.stages.import_.options import ImportOptions, ImportRequest
 from advpipe.stages.import_.run import import_drive
 
-FRAMES = FrameSlice(0, 6, 2)
+FRAMES = FrameSlice(0, 4, 2)
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("set") / "town"
     folder.mkdir()
     (folder / "clean").symlink_to(Path(next(iter(advpipe.sample.__path__))) / "clean")
-    spec = {"type": "detach", "recipe": "random", "parameters": {"ratio": 0.5}, "frames": "0:3:2"}
+    spec = {"type": "detach", "recipe": "random", "parameters": {"ratio": 0.5}, "frames": "0:3"}
     attack(folder / "clean", folder / "adv", AttackRequest((attack_spec(spec),)), workers=1)
     return folder
 
@@ -61,7 +61,7 @@ def test_clean_and_attacked_come_back(attacked: Path, tmp_path: Path) -> None:
             assert np.abs(np.sin(turned)).max(initial=0) < 1e-14  # it passes through a quaternion
         points = o3d.t.io.read_point_cloud(str(folder / "points" / "000000.pcd"))
         assert np.array_equal(points.point.positions.numpy()[:, 0], expected[0].cloud["x"])
-    assert names(tmp_path / "out" / "clean") == ["000000", "000002", "000004"]
+    assert names(tmp_path / "out" / "clean") == ["000000", "000002"]
     assert names(tmp_path / "out" / "adv") == ["000000", "000002"]
     detached = [len(frame.cloud) for frame in read_frames(tmp_path / "d-adv" / "clean")]
     assert detached[0] < len(next(read_frames(attacked / "clean")).cloud)
