@@ -61,8 +61,9 @@ def _files_of_directory(directory: Path) -> list[Path]:
         )
     if (information.compression_mode or "none").lower() != "none":
         raise UsageError(
-            f"{directory} is compressed per file or message, which advpipe does not read; make a data set "
-            f"of it with `advpipe import rosbag {directory} --out NEW`, or convert it with `rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
+            f"{directory} is compressed per file or message, which advpipe does not read; make a data set of "
+            f"it with `advpipe import rosbag {directory} --out NEW`, or convert it with "
+            f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
     if not information.relative_file_paths:
         raise AdvpipeError(f"{metadata_path} lists no files (relative_file_paths)")

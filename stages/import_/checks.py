@@ -84,7 +84,7 @@ class DriveChecks:
         self._hit_boxes += int((count_points(xyz(vehicle.clouds[lidar]), near) > 0).sum())
         if self._near_boxes >= _ENOUGH_BOXES and self._hit_boxes < _FEW * self._near_boxes:
             self._warn(
-                f"Of {self._near_boxes} labelled objects within {_NEAR_M:g} m, {self._hit_boxes} hold points: "
+                f"Of {self._near_boxes} labelled boxes within {_NEAR_M:g} m, {self._hit_boxes} hold points; "
                 "boxes and clouds may differ in frame, unit, axes (x forward, y left, z up), or time."
             )
 

@@ -16,6 +16,8 @@ NAMES = (
     "tar",
     "checkpoint",
     "network",
+    "point_files",
+    "recording",
     "command_line",
 )
 """Of the modules in `targets/`, each of which holds one `TARGET`."""
