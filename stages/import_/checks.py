@@ -21,8 +21,11 @@ FASTEST_MPS = 100.0
 _FARTHEST_M = 1000.0
 """No LiDAR of a vehicle measures farther: most points beyond it mean another unit."""
 
-_NEAR_M, _ENOUGH_BOXES, _FEW = 20.0, 20, 0.2
+_NEAR_M, _ENOUGH_BOXES, _FEW = 20.0, 20, 0.3
 """Labelled objects this near have points; fewer than this share of that many means another frame or unit."""
+
+_ABOVE_GROUND_M = 0.3
+"""Points lower in a box may be of the ground, which is everywhere."""
 
 _FLATTEST_SHARE = 0.5
 """A sweep spreads less than this along its vertical, as a share of what it spreads along the others."""
@@ -80,8 +83,9 @@ class DriveChecks:
         if vehicle.boxes is None or lidar not in vehicle.clouds or self._near_boxes >= _ENOUGH_BOXES:
             return
         near = vehicle.boxes.geometry[np.hypot(*vehicle.boxes.geometry[:, :2].T) < _NEAR_M]
+        raised = near + np.array([0, 0, _ABOVE_GROUND_M / 2, 0, 0, -_ABOVE_GROUND_M, 0])
         self._near_boxes += len(near)
-        self._hit_boxes += int((count_points(xyz(vehicle.clouds[lidar]), near) > 0).sum())
+        self._hit_boxes += int((count_points(xyz(vehicle.clouds[lidar]), raised) > 0).sum())
         if self._near_boxes >= _ENOUGH_BOXES and self._hit_boxes < _FEW * self._near_boxes:
             self._warn(
                 f"Of {self._near_boxes} labelled boxes within {_NEAR_M:g} m, {self._hit_boxes} hold points; "

@@ -91,7 +91,9 @@ def _read_npy(file: Path, names: Sequence[str] | None, scale_intensity: float, s
     """A table (N, C) of numbers, or points (N,) with named fields."""
     try:
         points: Array = np.lib.format.open_memmap(file, mode="r")
-    except (ValueError, EOFError, SyntaxError, TypeError, OverflowError, MemoryError):
+    except OSError:
+        raise
+    except Exception:  # the header is Python's own syntax, and can fail in any way
         raise AdvpipeError("it is not a .npy file of numbers, or is truncated") from None
     if len(points.shape) == 0 or len(points) > MOST_POINTS:
         raise AdvpipeError(f"it has the shape {points.shape}; a cloud has at most {MOST_POINTS:,} points")

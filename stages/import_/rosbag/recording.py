@@ -204,6 +204,10 @@ class RosbagsRecording:
                 if (wanted := [each for each in reader.connections if each.topic in topics])
             ]
             for connection, log_time_ns, data in heapq.merge(*parts, key=lambda part: part[1]):
+                if not isinstance(log_time_ns, int) or not isinstance(data, bytes | memoryview):
+                    raise AdvpipeError(  # SQLite holds anything in any column
+                        f"{self.path}: a message of {connection.topic} has no time or no bytes"
+                    )
                 yield Recorded(connection.topic, connection.msgtype, log_time_ns, (connection, data))
 
     def decode(self, recorded: Recorded) -> Any:

@@ -60,7 +60,7 @@ def message_cases(draw: st.DrawFn, data: bytes) -> Case:
 
 
 def _edit(draw: st.DrawFn, database: sqlite3.Connection) -> str:
-    edit = draw(st.sampled_from(["message", "message", "message", "definition", "type", "time", "null"]))
+    edit = draw(st.sampled_from(["message", "message", "message", "definition", "type", "time", "kind"]))
     count = database.execute("SELECT count(*) FROM messages").fetchone()[0]
     number = draw(st.integers(1, count))
     topic = draw(st.integers(1, database.execute("SELECT count(*) FROM topics").fetchone()[0]))
@@ -80,7 +80,7 @@ def _edit(draw: st.DrawFn, database: sqlite3.Connection) -> str:
         kind = draw(st.sampled_from(["sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage", "a", ""]))
         database.execute("UPDATE topics SET type = ? WHERE id = ?", (kind, topic))
         return f"topic {topic} is {kind!r}"
-    value = draw(st.sampled_from([0, -1, 2**63 - 1, None, "soon"])) if edit == "time" else None
+    value = draw(st.sampled_from([0, -1, 2**63 - 1, "soon"] if edit == "time" else ["soon", 7, 0.5]))
     column = "timestamp" if edit == "time" else "data"
     database.execute(f"UPDATE messages SET {column} = ? WHERE id = ?", (value, number))
     return f"{column} of {number} is {value!r}"

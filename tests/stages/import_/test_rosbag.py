@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer as Ros1Writer
 
 import advpipe.sample
 from advpipe.pipeline.bag.frames import read_frames
@@ -16,6 +17,7 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import invert, se3, se3_from_yaw, yaw_of
 from advpipe.pipeline.messages.build import se3_from_transform
 from advpipe.stages.import_.options import ImportOptions, ImportRequest
+from advpipe.stages.import_.rosbag import recording
 from advpipe.stages.import_.rosbag.form import RosbagForm
 from advpipe.stages.import_.run import ImportSummary, import_drive
 from advpipe.stages.verify.run import verify
@@ -25,6 +27,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import ros_drives
 from point_bytes import some_points
 from ros_drives import FORMATS, START_NS, STEP_NS, Made, Messages, record
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def imported(source: Path, out: Path, **options: object) -> ImportSummary:
@@ -326,6 +330,24 @@ def test_truncated_recordings(form: str, share: float, tmp_path: Path) -> None:
         imported(bag, tmp_path / "d")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "d").exists()
+
+
+@pytest.mark.parametrize("compression", list(Ros1Writer.CompressionFormat))
+def test_chunks_of_ros1_unpack_within_a_bound(
+    compression: Ros1Writer.CompressionFormat, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = Made("ros1")
+    writer = Ros1Writer(tmp_path / "r.bag")
+    writer.set_compression(compression)
+    with writer as bag:
+        connection = bag.add_connection("/points", CLOUD, typestore=made.store)
+        cloud = made.cloud(START_NS, "a", some_points())
+        bag.write(connection, START_NS, made.store.serialize_ros1(cloud, CLOUD))
+    (frame,) = opened(tmp_path / "r.bag").frames()
+    assert np.array_equal(frame.vehicles["ego"].clouds["lidar"]["x"], some_points()["x"])
+    monkeypatch.setattr(recording, "_MOST_CHUNK_BYTES", 1000)
+    with pytest.raises(AdvpipeError, match="a chunk unpacks to more than"):
+        list(opened(tmp_path / "r.bag").frames())
 
 
 def test_what_is_no_recording(tmp_path: Path) -> None:
