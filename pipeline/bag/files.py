@@ -55,13 +55,15 @@ def _files_of_directory(directory: Path) -> list[Path]:
     storage = information.storage_identifier
     if storage != "mcap":
         raise UsageError(
-            f"{directory} is stored as {storage!r}, but advpipe reads mcap; convert it with "
+            f"{directory} is stored as {storage!r}, but advpipe reads mcap; make a data set of it with "
+            f"`advpipe import rosbag {directory} --out NEW`, or convert it with "
             f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
     if (information.compression_mode or "none").lower() != "none":
         raise UsageError(
-            f"{directory} is compressed per file or message, which advpipe does not read; convert it "
-            f"with `rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
+            f"{directory} is compressed per file or message, which advpipe does not read; make a data set of "
+            f"it with `advpipe import rosbag {directory} --out NEW`, or convert it with "
+            f"`rosbags-convert --src {directory} --dst NEW --dst-storage mcap`"
         )
     if not information.relative_file_paths:
         raise AdvpipeError(f"{metadata_path} lists no files (relative_file_paths)")

@@ -44,16 +44,23 @@ def _foreign(file: Path) -> str:
     with file.open("rb") as stream:
         head = stream.read(len(_SQLITE))
     if head.startswith(_ROS1):
-        return f"{file} is a ROS 1 bag; {_convert(file)}"
+        return f"{file} is a ROS 1 bag; {_import('rosbag', file)}, or {_convert(file)}"
     if head == _SQLITE:
-        return f"{file} is the SQLite database of a ROS 2 bag, but advpipe reads mcap; {_convert(file)}"
+        return (
+            f"{file} is the SQLite database of a ROS 2 bag, but advpipe reads mcap; "
+            f"{_import('rosbag', file)}, or {_convert(file)}"
+        )
     if file.suffix == ".bin" and size_bytes and size_bytes % _KITTI_POINT_BYTES == 0:
         return (
-            f"{file} looks like a KITTI cloud, which has neither a time nor boxes; write the clouds as "
-            "PointCloud2 and the boxes as Detection3DArray into an .mcap, such as with the Python package "
-            "rosbags (docs/bags.md, Bags of your own)"
+            f"{file} looks like a KITTI cloud; make a data set of its folder with "
+            f"{_import('files', file.parent)}, or of all of KITTI with `advpipe import kitti`"
         )
     return ""
+
+
+def _import(form: str, source: Path) -> str:
+    out = shlex.quote(f"datasets/{source.stem}")
+    return f"`advpipe import {form} {shlex.quote(str(source))} --out {out}`"
 
 
 def _convert(file: Path) -> str:

@@ -12,7 +12,7 @@ PATTERNS = {
     "file": re.compile(rf"\.(.+){re.escape(MARK)}[0-9a-f]{{8}}", re.DOTALL),
 }
 """Patterns by type of leftover; the first group is the final name. output: a folder of `PartialFolder`. job:
-finished frames of an attack, with a hash of the request. file: a hidden file of `atomic_file`."""
+finished frames of an attack or import, with a hash of the request. file: a hidden file of `atomic_file`."""
 
 
 def is_leftover_name(name: str) -> bool:

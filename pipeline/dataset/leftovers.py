@@ -25,7 +25,7 @@ from advpipe.pipeline.mcap.salvage import Salvage
 MOST_LEVELS = 100
 """How deep below a root leftovers are looked for."""
 
-ATTACK_NAME, CHECKSUMS_NAME = "attack.yaml", "SHA256SUMS"
+ATTACK_NAME, SOURCE_NAME, CHECKSUMS_NAME = "attack.yaml", "source.yaml", "SHA256SUMS"
 
 _WHOLE = (
     "metadata.yaml",
@@ -40,13 +40,15 @@ _WHOLE = (
 
 _SCRATCH = re.compile(rf"{PREFIX}[a-z0-9_]{{8}}")
 _FRAME = re.compile(r"[0-9]{6,}\.npz")
+_PART = re.compile(r"([0-9]{8,})-([0-9]{8,})")
+"""Of an import: from which frame to which."""
 
 
 @dataclass(frozen=True)
 class Leftover:
     """A hidden folder or file of a run that was killed, or that is still at work.
 
-    kind: output (half-written), job (finished frames of an attack), file (half-written), or scratch
+    kind: output (half-written), job (finished frames of an attack or import), file (half-written), or scratch
     (temporary files). final: what it was to become or belongs to; of scratch, the folder itself.
     """
 
@@ -90,13 +92,17 @@ class Leftover:
     def frames(self) -> int:
         """How many finished frames a job holds."""
         with suppress(OSError), os.scandir(self.path) as entries:
-            return sum(_FRAME.fullmatch(entry.name) is not None for entry in entries)
+            return sum(_frames_in(entry.name) for entry in entries)
         return 0
 
     @property
     def _is_finished(self) -> bool:
         """Whether the bag of just this job is there: attack.yaml is the request that the job is named for."""
         match = PATTERNS["job"].fullmatch(self.path.name)
+        with suppress(OSError):  # an import: what its last part was before, the drive was made of it
+            made_ns = (self.final / SOURCE_NAME).stat().st_mtime_ns
+            parts = [part for part in self.path.iterdir() if _PART.fullmatch(part.name)]
+            return bool(parts) and all(part.stat().st_mtime_ns <= made_ns for part in parts)
         with suppress(OSError):
             request = (self.final / ATTACK_NAME).read_bytes()
             return match is not None and hashlib.sha256(request).hexdigest().startswith(match[2])
@@ -125,6 +131,13 @@ class Leftover:
                 if lock is not None:
                     lock.close()
         return True
+
+
+def _frames_in(name: str) -> int:
+    """How many frames a file or folder of a job holds, by its name."""
+    if part := _PART.fullmatch(name):
+        return max(0, int(part[2]) - int(part[1]))
+    return int(_FRAME.fullmatch(name) is not None)
 
 
 def recognise(path: Path) -> Leftover | None:

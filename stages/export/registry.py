@@ -9,10 +9,12 @@ from advpipe.stages.export.kitti.form import KittiExport
 from advpipe.stages.export.nuscenes.form import NuscenesExport
 from advpipe.stages.export.openpcdet import OpenPcdetExport
 from advpipe.stages.export.opv2v.form import Opv2vExport
+from advpipe.stages.export.pcd import PcdExport
 
 EXPORT_FORMS: Mapping[str, ExportForm] = {
     "kitti": KittiExport(),
     "openpcdet": OpenPcdetExport(),
     "nuscenes": NuscenesExport(),
     "opv2v": Opv2vExport(),
+    "pcd": PcdExport(),
 }

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.message_bounds import LARGEST_M, LATEST_NS
@@ -18,6 +20,15 @@ FASTEST_MPS = 100.0
 
 _FARTHEST_M = 1000.0
 """No LiDAR of a vehicle measures farther: most points beyond it mean another unit."""
+
+_NEAR_M, _ENOUGH_BOXES, _FEW = 20.0, 20, 0.3
+"""Labelled objects this near have points; fewer than this share of that many means another frame or unit."""
+
+_ABOVE_GROUND_M = 0.3
+"""Points lower in a box may be of the ground, which is everywhere."""
+
+_FLATTEST_SHARE = 0.5
+"""A sweep spreads less than this along its vertical, as a share of what it spreads along the others."""
 
 _JUMP_M = 5.0
 """Between poses, below which time stamps may simply be coarse."""
@@ -33,6 +44,8 @@ class DriveChecks:
     are_related: bool
     warnings: list[str] = field(default_factory=list)
     _last: tuple[str, int, dict[str, Float64]] | None = None
+    _near_boxes: int = 0
+    _hit_boxes: int = 0
 
     def check(self, frame: DriveFrame) -> None:
         """Raises AdvpipeError, one line, for a frame that cannot be right."""
@@ -52,7 +65,8 @@ class DriveChecks:
             self._check_pose(frame, name, vehicle)
             for lidar, cloud in vehicle.clouds.items():
                 for warning in _doubts(cloud):
-                    self._warn(f"{lidar} of {name}: {warning}")
+                    self._warn(f"{lidar} of {name}: {warning}.")
+            self._check_boxes(vehicle)
         poses = {n: v.map_SE3_base for n, v in frame.vehicles.items() if v.map_SE3_base is not None}
         self._last = (frame.name, frame.stamp_ns, poses)
 
@@ -66,6 +80,21 @@ class DriveChecks:
             raise AdvpipeError(
                 f"{frame.name}: the pose of {name} jumps {moved_m:.1f} m in {elapsed_s:.2f} s since "
                 f"{self._last[0]}; import one drive at a time, with poses in metres"
+            )
+
+    def _check_boxes(self, vehicle: VehicleFrame) -> None:
+        """Count those near the LiDAR, and those with points; a dozen frames show whether both fit."""
+        lidar = vehicle.boxes_frame.rpartition("/")[2]
+        if vehicle.boxes is None or lidar not in vehicle.clouds or self._near_boxes >= _ENOUGH_BOXES:
+            return
+        near = vehicle.boxes.geometry[np.hypot(*vehicle.boxes.geometry[:, :2].T) < _NEAR_M]
+        raised = near + np.array([0, 0, _ABOVE_GROUND_M / 2, 0, 0, -_ABOVE_GROUND_M, 0])
+        self._near_boxes += len(near)
+        self._hit_boxes += int((count_points(xyz(vehicle.clouds[lidar]), raised) > 0).sum())
+        if self._near_boxes >= _ENOUGH_BOXES and self._hit_boxes < _FEW * self._near_boxes:
+            self._warn(
+                f"Of {self._near_boxes} labelled boxes within {_NEAR_M:g} m, {self._hit_boxes} hold points; "
+                "boxes and clouds may differ in frame, unit, axes (x forward, y left, z up), or time."
             )
 
     def _warn(self, warning: str) -> None:
@@ -112,13 +141,23 @@ def _doubts(cloud: Cloud) -> Iterator[str]:
     """What is odd about a cloud but may be right."""
     if not len(cloud):
         return
-    if float(np.nanmax(cloud["intensity"])) > 1.0:
+    with np.errstate(invalid="ignore"):
+        is_bright = bool((cloud["intensity"] > 1.0).any())
+    if is_bright:
         yield (
             "intensities exceed 1, which detectors take for the strongest return; give "
             "--scale-intensity (0.00392157 for 0 to 255)"
         )
-    z_m = cloud["z"][np.isfinite(cloud["z"])]
-    if len(z_m) and float(np.ptp(np.percentile(z_m, [1, 99]))) > float(
-        np.ptp(np.percentile(cloud["x"][np.isfinite(cloud["x"])], [1, 99]))
-    ):
-        yield "it is taller than long: its axes may not be x forward, y left, z up (see --columns)"
+    spread_m = [_spread_m(cloud[axis]) for axis in "xyz"]
+    flattest = int(np.argmin(spread_m))
+    if flattest != 2 and spread_m[flattest] < _FLATTEST_SHARE * spread_m[2]:
+        yield (
+            f"it is flattest along {'xyz'[flattest]}: its axes may not be x forward, y left, z up "
+            "(--columns for .bin and .npy)"
+        )
+
+
+def _spread_m(values: npt.NDArray[np.float32]) -> float:
+    """Between the 5 and 95 % quantiles of the finite ones."""
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(np.percentile(finite, [5, 95]))) if len(finite) else 0.0

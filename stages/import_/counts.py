@@ -1,15 +1,14 @@
-"""How much an import has read."""
+"""How much an import has read, and what it noticed, part by part."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
-from advpipe.pipeline.core.document import read_json, read_text
+from advpipe.pipeline.core.document import Document, read_json, read_text
 from advpipe.stages.import_.drive import DriveFrame
 
-_NAME = "counts.json"
+_NAME = "part.json"
 
 
 @dataclass(frozen=True)
@@ -40,16 +39,26 @@ class FrameCounts:
         ignored = f", {self.ignored:,} that count neither way" if self.ignored else ""
         return f"{self.clouds:,} clouds of {mean} points, {self.objects:,} labelled objects{ignored}"
 
+
+class PartSummary(Document):
+    """What is kept beside a finished part: a run that resumes says the same as one that was not killed.
+
+    counts: of its frames. warnings: of the checks, up to its end.
+    """
+
+    counts: FrameCounts
+    warnings: tuple[str, ...] = ()
+
     def write(self, folder: Path) -> None:
-        """Keep the counts beside the part of the bag that they are about."""
-        (folder / _NAME).write_text(json.dumps(asdict(self)), encoding="utf-8")
+        """Keep it in the folder of the part."""
+        (folder / _NAME).write_text(self.model_dump_json(), encoding="utf-8")
 
 
-def read_counts(folder: Path) -> FrameCounts:
-    """The counts that were written into a folder."""
+def read_part_summary(folder: Path) -> PartSummary:
+    """What was written into a folder."""
     where = folder / _NAME
-    counts: FrameCounts = read_json(read_text(where), FrameCounts, str(where), "import again")
-    return counts
+    summary: PartSummary = read_json(read_text(where), PartSummary, str(where), "import again")
+    return summary
 
 
 def _values(counts: FrameCounts) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -57,6 +58,9 @@ class ImportOptions:
         from advpipe.pipeline.geometry.boxes import CLASSES  # numpy is for when an import runs
 
         check_bounds(self)
+        for number in (each.name for each in fields(self) if isinstance(getattr(self, each.name), float)):
+            if not math.isfinite(getattr(self, number)):
+                raise UsageError(f"{option_name(number)} is not a finite number")
         for name, ours in self.classes.items():
             if ours not in (*CLASSES, IGNORED, DROPPED):
                 raise UsageError(

@@ -8,11 +8,13 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import import_object
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.import_.av2.form import Av2Form
+from advpipe.stages.import_.files import PointFolderForm
 from advpipe.stages.import_.form import DriveForm
 from advpipe.stages.import_.kitti.form import KittiForm
 from advpipe.stages.import_.nuscenes.form import NuscenesForm
 from advpipe.stages.import_.openpcdet import OpenPcdetForm
 from advpipe.stages.import_.opv2v.form import Opv2vForm
+from advpipe.stages.import_.rosbag.form import RosbagForm
 
 FORMS: Mapping[str, DriveForm] = {
     "kitti": KittiForm(),
@@ -20,6 +22,8 @@ FORMS: Mapping[str, DriveForm] = {
     "nuscenes": NuscenesForm(),
     "av2": Av2Form(),
     "opv2v": Opv2vForm(),
+    "files": PointFolderForm(),
+    "rosbag": RosbagForm(),
 }
 
 

@@ -13,17 +13,18 @@ import yaml
 from advpipe.pipeline.bag.provenance import imported_provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.core.errors import OutputExistsError, as_usage_error
+from advpipe.pipeline.core.code import code_sha256
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, as_usage_error
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.job_folder import job_folder
-from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.import_.checks import DriveChecks
-from advpipe.stages.import_.counts import FrameCounts, read_counts
+from advpipe.stages.import_.counts import FrameCounts, PartSummary, read_part_summary
 from advpipe.stages.import_.drive import DriveFrame, DriveSource
 from advpipe.stages.import_.options import ImportOptions, ImportRequest
 from advpipe.stages.import_.record import frame_messages, static_messages
@@ -70,6 +71,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
     Finished parts are kept in a hidden folder until the whole is done, so that a killed run resumes. Raises
     AdvpipeError, one line, for a source that is not of the form, is damaged, or holds what cannot be right.
     """
+    finish_moves(out, out)
     if out.exists() and not overwrite:
         raise OutputExistsError(out)
     form = find_form(request.form)
@@ -81,7 +83,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
     checks = DriveChecks(source.are_related)
     plan_progress({f"importing {source.name}": 9, "writing the bag": 3})
     with (
-        job_folder(out, f"{request} {source.frame_count} {PART_FRAMES}", results="[0-9]*") as job,
+        job_folder(out, _signature(request, source), results="[0-9]*") as job,
         staged_folder(out, overwrite, IMPORTED) as folder,
     ):
         parts = list(_parts(source, indices, job, checks))
@@ -91,7 +93,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         with BagWriter(folder / "clean", provenance=provenance, finish=write_layouts) as writer:
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
-        counts = sum((read_counts(part) for part in parts), FrameCounts())
+        counts = sum((read_part_summary(part).counts for part in parts), FrameCounts())
     notes = (*source.notes, *checks.warnings)
     return ImportSummary(out / "clean", request.form, len(indices), counts, description["licence"], notes)
 
@@ -99,26 +101,52 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
 def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) -> Iterator[Path]:
     """The chosen frames in bags of `PART_FRAMES`; those that an earlier run finished are not read again."""
     starts = range(0, len(indices), PART_FRAMES)
-    folders = [job / f"{start:08d}" for start in starts]
-    done = next((k for k, part in enumerate(folders) if not part.is_dir()), len(folders))
+    folders = [job / f"{start:08d}-{min(start + PART_FRAMES, len(indices)):08d}" for start in starts]
+    done = next((k for k, part in enumerate(folders) if not _is_whole(part)), len(folders))
+    for part in folders[done:]:  # after one that a power failure damaged
+        remove_output(part)
     yield from folders[:done]
+    if done:
+        checks.warnings.extend(read_part_summary(folders[done - 1]).warnings)
     if done == len(folders):
         return
     before = starts[done] - 1  # the last frame that is done tells the checks where the vehicle was
     frames = _chosen(source, indices[max(before, 0) :])
-    if before >= 0:
-        checks.check(next(frames))
+    for frame in islice(frames, 1 if before >= 0 else 0):
+        checks.check(frame)
     chosen = track(frames, f"importing {source.name}", len(indices) - starts[done])
-    for part in folders[done:]:
+    for start, part in zip(starts[done:], folders[done:], strict=True):
+        expected = min(PART_FRAMES, len(indices) - start)
         with BagWriter(part, provenance={"kind": "part"}, compression="lz4") as writer:
-            counts = FrameCounts()
-            for frame in islice(chosen, PART_FRAMES):
+            counts, read = FrameCounts(), 0
+            for frame in islice(chosen, expected):
                 checks.check(frame)
+                read += 1
                 counts += FrameCounts.of(frame)
                 for message in frame_messages(frame):
                     writer.write_cdr(*message)
-            counts.write(writer.folder)
+            if read < expected:
+                raise AdvpipeError(
+                    f"{source.name} ends after {start + read} of {len(indices)} frames; it is truncated, or "
+                    "changes while it is read"
+                )
+            PartSummary(counts=counts, warnings=tuple(checks.warnings)).write(writer.folder)
         yield part
+
+
+def _is_whole(part: Path) -> bool:
+    """Whether a part is there and can be read."""
+    try:
+        return part.is_dir() and bool(read_part_summary(part)) and bool(BagReader(part).topics)
+    except AdvpipeError:
+        return False
+
+
+def _signature(request: ImportRequest, source: DriveSource) -> str:
+    """What decides the parts: the request, whether the source is the one that was read before, the code."""
+    status = request.source.stat()
+    about_source = f"{source.frame_count} {status.st_mtime_ns} {status.st_size}"
+    return f"{request} {about_source} {PART_FRAMES} {code_sha256('stages/import_')}"
 
 
 def _chosen(source: DriveSource, indices: range) -> Iterator[DriveFrame]:
@@ -135,11 +163,15 @@ def _joined(parts: Sequence[Path], source: DriveSource) -> Iterator[StampedCdr]:
     """The messages of all parts in time order, after those that are recorded once."""
     is_first = True
     for part in track(parts, "writing the bag"):
-        for raw in BagReader(part).raw_messages():
-            if is_first:
-                yield from static_messages(raw.log_time_ns, source.static_transforms)
-                is_first = False
-            yield raw.topic, raw.cdr, raw.log_time_ns
+        try:
+            for raw in BagReader(part).raw_messages():
+                if is_first:
+                    yield from static_messages(raw.log_time_ns, source.static_transforms)
+                    is_first = False
+                yield raw.topic, raw.cdr, raw.log_time_ns
+        except AdvpipeError as error:
+            remove_output(part)  # or every further run would end here
+            raise AdvpipeError(f"{error}; run the same import again, which reads these frames anew") from None
 
 
 def _description(

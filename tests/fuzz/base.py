@@ -8,6 +8,7 @@ from pathlib import Path
 
 DRIVE, ARCHIVES, WEIGHTS, NETWORKS, TABLES = "drive", "archives", "weights", "networks", "tables"
 REPORT = "report"
+POINTS, RECORDINGS = "points", "recordings"
 
 SETTINGS = (
     *("simulation.duration_s=1", "simulation.warmup_s=5", "vehicles={ego: {}, other: {}}"),
@@ -39,6 +40,8 @@ def build(folder: Path) -> Path:
     _networks(folder / NETWORKS)
     _tables(folder / TABLES)
     _report(folder / REPORT)
+    _points(folder / POINTS)
+    _recordings(folder / RECORDINGS)
     (folder / "whole").touch()
     return folder
 
@@ -124,3 +127,36 @@ def _report(report: Path) -> None:
     (report / "figures").mkdir(parents=True)
     (report / "report.json").write_text("{}", encoding="utf-8")
     (report / "figures" / "one.svg").write_bytes(to_svg(figure))
+
+
+def _points(points: Path) -> None:
+    """A cloud in each format, and a folder of two clouds with all that may lie beside them."""
+    import numpy as np
+
+    from tests.stages.import_.point_bytes import pcd, ply, some_points
+
+    some, clouds, drive = some_points(0, 60), points / "clouds", points / "drive"
+    clouds.mkdir(parents=True)
+    (drive / "labels").mkdir(parents=True)
+    for form in ("ascii", "binary", "binary_compressed"):
+        (clouds / f"{form}.pcd").write_bytes(pcd(some, form))
+    for name, order in (("text", ""), ("little", "<"), ("big", ">")):
+        (clouds / f"{name}.ply").write_bytes(ply(some, order))
+    table = np.stack([some[name] for name in ("x", "y", "z", "intensity")], axis=1)
+    np.save(clouds / "table.npy", table)
+    np.save(clouds / "named.npy", some)
+    (clouds / "table.bin").write_bytes(table.tobytes())
+    for k in range(2):
+        (drive / f"{k}.pcd").write_bytes(pcd(some_points(k, 60)))
+        (drive / "labels" / f"{k}.txt").write_text("1 2 -1 4 2 1.5 0.1 car a\n9 2 -1 1 1 2 0.1 walker b\n")
+    (drive / "times.txt").write_text("2011-09-26 13:02:25.964\n2011-09-26 13:02:26.067\n")
+    (drive / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n")
+
+
+def _recordings(recordings: Path) -> None:
+    """Three ticks of CARLA's bridge as ROS 1 and ROS 2 record them."""
+    from tests.stages.import_.ros_drives import carla, record
+
+    recordings.mkdir()
+    record(recordings / "town", "ros1", lambda made: carla(made, 3))
+    record(recordings / "town2", "sqlite", lambda made: carla(made, 3))

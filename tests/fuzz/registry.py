@@ -17,6 +17,8 @@ NAMES = (
     "checkpoint",
     "network",
     "drawing",
+    "point_files",
+    "recording",
     "command_line",
 )
 """Of the modules in `targets/`, each of which holds one `TARGET`."""

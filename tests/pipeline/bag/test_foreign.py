@@ -77,7 +77,8 @@ def test_the_command_in_the_error_makes_a_bag(
     source = recorded if ros1 else recorded / "my drive.db3"
     text = refusal(source)
     assert ("is a ROS 1 bag" if ros1 else "is the SQLite database of a ROS 2 bag") in text
-    command = re.search(r"`(.*)`", text)
+    assert f"`advpipe import rosbag {shlex.quote(str(source))} --out " in text
+    command = re.search(r"or convert it with `(.*)`", text)
     assert command is not None
     program, *words = shlex.split(command[1])
     assert program == "rosbags-convert"
@@ -98,8 +99,12 @@ def test_a_folder_says_what_is_in_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
-        ("000000.bin", bytes(160), "000000.bin looks like a KITTI cloud, which has neither a time nor boxes"),
-        ("old.bag", b"#ROSBAG V2.0\n", "old.bag is a ROS 1 bag; convert it with `rosbags-convert --src "),
+        (
+            "000000.bin",
+            bytes(160),
+            "000000.bin looks like a KITTI cloud; make a data set of its folder with `advpipe import ",
+        ),
+        ("old.bag", b"#ROSBAG V2.0\n", "old.bag is a ROS 1 bag; `advpipe import rosbag "),
         ("0.db3", b"SQLite format 3\0", "0.db3 is the SQLite database of a ROS 2 bag"),
         ("renamed.mcap", b"SQLite format 3\0", "renamed.mcap is the SQLite database of a ROS 2 bag"),
         ("odd.bin", bytes(161), "is not an MCAP file"),
