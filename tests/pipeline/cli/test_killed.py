@@ -106,7 +106,7 @@ def forks() -> Iterator[Forks]:
 
 @pytest.fixture(scope="module")
 def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set `d` with an attack, an archive of it, its clouds as files, a truncated recording, and a figure."""
+    """A data set with an attack, its archive, its clouds as files, a truncated recording, and a figure."""
     folder = tmp_path_factory.mktemp("ready")
     (folder / "tiny.yaml").write_text(SCENARIO)
     commands = (
