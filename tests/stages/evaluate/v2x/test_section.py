@@ -36,7 +36,7 @@ def test_section(found: ReportSection, offset: Path) -> None:
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
     detection, victim, radio, checks, baseline = found.tables
-    assert detection.lines[0][0] == f"{offset.name}: cam-position-offset"
+    assert detection.lines[0][0].endswith("cam-position-offset")
     assert [line[0] for line in victim.lines if line[0]] == ["clean", offset.name]
     assert len(radio.lines) == 2
     assert [line[0] for line in checks.lines] == list(CHECKS)
