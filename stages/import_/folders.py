@@ -10,6 +10,17 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.import_.point_files import COLUMN_NAMES, cloud_of_columns, read_floats
 
+INTERVAL_S = 5.0
+"""Between frames that nothing relates: each is then a block of its own where intervals are drawn."""
+
+
+def frame_interval_ns(interval_s: float | None) -> int:
+    """The time between frames without time stamps. Raises UsageError for none."""
+    interval_ns = round((INTERVAL_S if interval_s is None else interval_s) * 1e9)
+    if interval_ns <= 0:
+        raise UsageError("--interval 0: frames follow one another; give seconds above 0, such as 0.1")
+    return interval_ns
+
 
 def file_names(folder: Path, suffix: str) -> list[str]:
     """The names without suffix of a folder's files, sorted; none for a folder that is missing."""

@@ -17,13 +17,10 @@ from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.import_.drive import DriveFrame, DriveSource, VehicleFrame
-from advpipe.stages.import_.folders import file_names, read_split, refuse_missing
+from advpipe.stages.import_.folders import file_names, frame_interval_ns, read_split, refuse_missing
 from advpipe.stages.import_.form import DriveForm
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
 from advpipe.stages.import_.point_files import COLUMN_NAMES, cloud_of_columns, parse_columns
-
-INTERVAL_S = 5.0
-"""Between frames, of which the form does not say whether they belong together."""
 
 _EGO = VehicleTopics()
 _VALUES = 8
@@ -68,7 +65,7 @@ class PointFolders:
         self._source, self._options, self._classes = source, options, classes
         self.name = source.resolve().name
         self._columns = parse_columns(options.columns) if options.columns else None
-        self._interval_ns = round((options.interval_s or INTERVAL_S) * 1e9)
+        self._interval_ns = frame_interval_ns(options.interval_s)
         self._names = self._checked_names(options.split)
 
     @property

@@ -32,7 +32,6 @@ class KittiForm(DriveForm):
         "Truck": "truck",
         "Pedestrian": "pedestrian",
         "Person_sitting": IGNORED,
-        "Person (sitting)": IGNORED,  # as raw drives write it
         "Cyclist": "cyclist",
         "Tram": IGNORED,
         "Misc": IGNORED,

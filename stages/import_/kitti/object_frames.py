@@ -14,12 +14,15 @@ from advpipe.pipeline.kitti.calibration import KittiCalibration, read_object_cal
 from advpipe.pipeline.kitti.object_label import DONT_CARE, ObjectLabel, read_object_labels
 from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
-from advpipe.stages.import_.folders import file_names, read_cloud, read_split, refuse_missing
+from advpipe.stages.import_.folders import (
+    file_names,
+    frame_interval_ns,
+    read_cloud,
+    read_split,
+    refuse_missing,
+)
 from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
-
-INTERVAL_S = 5.0
-"""Between frames that nothing relates: each is then a block of its own where intervals are drawn."""
 
 _TEST_SPLITS = ("test", "testing")
 
@@ -35,7 +38,7 @@ class ObjectFrames:
             raise UsageError("--drive means nothing to KITTI's object frames; leave it out")
         self._folder = _folder_of(source, options.split)
         self._options, self._classes = options, classes
-        self._interval_ns = round((options.interval_s or INTERVAL_S) * 1e9)
+        self._interval_ns = frame_interval_ns(options.interval_s)
         self._names = self._checked_names(source, options.split)
         self.name = f"kitti-{self._folder.name}"
         self._size_px, self._unknown_sizes = self._sizes()

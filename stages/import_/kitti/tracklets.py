@@ -22,8 +22,8 @@ _FIX = "restore it from the drive's tracklet archive, or remove it to import wit
 class Tracklet:
     """One object over frames that follow one another.
 
-    number: place in the file. boxes: (K, 7) in the LiDAR's frame, upright there. occlusion: of each frame, 0
-    to 2, -1 where it was not set.
+    number: place in the file. class_name: as the object benchmark writes it. boxes: (K, 7) in the LiDAR's
+    frame, upright there. occlusion: of each frame, 0 to 2, -1 where it was not set.
     """
 
     number: int
@@ -56,7 +56,7 @@ def read_tracklets(file: Path) -> list[Tracklet]:
 
 
 def _tracklet(number: int, item: ElementTree.Element) -> Tracklet:
-    class_name = item.findtext("objectType", "").strip()
+    class_name = item.findtext("objectType", "").strip().replace(" (sitting)", "_sitting")
     if not class_name:
         raise ValueError(f"tracklet {number} has no objectType")
     height_m, width_m, length_m = (_number(item, key) for key in ("h", "w", "l"))

@@ -124,7 +124,8 @@ def test_tracklets_keep_what_was_seen(tmp_path):
     write_raw_drive(tmp_path / "2011_09_26")
     export_bags(imported(tmp_path / "2011_09_26", tmp_path / "d"), "kitti", tmp_path / "out")
     first = read_object_labels(tmp_path / "out" / "clean" / "training" / "label_2" / "000000.txt")
-    assert [(label.class_name, label.occlusion) for label in first] == [("Car", 0), ("Car", 1), ("Van", 0)]
+    seen = [(label.class_name, label.occlusion) for label in first]
+    assert seen == [("Car", 0), ("Car", 1), ("Person_sitting", 0)]
     assert first[0].bottom_m == pytest.approx((-2.0, 1.7, 19.75), abs=0.005)
 
 

@@ -110,7 +110,11 @@ def write_raw_drive(date: Path, number: str = "0005", frames: int = 3, speed_mps
     step = speed_mps / 10
     standing = [(20 - step * frame, 2.0) for frame in range(frames)]
     driving = [(15 + (5 - speed_mps) / 10 * frame, -2.0) for frame in range(frames)]
-    items = _tracklet("Car", standing, 0) + _tracklet("Car", driving, 1) + _tracklet("Van", standing[:1], 0)
+    items = (
+        _tracklet("Car", standing, 0)
+        + _tracklet("Car", driving, 1)
+        + _tracklet("Person (sitting)", standing[:1], 0)
+    )
     write_text(
         drive / "tracklet_labels.xml",
         '<?xml version="1.0" encoding="UTF-8" standalone="yes" ?>\n<!DOCTYPE boost_serialization>\n'

@@ -56,6 +56,7 @@ def test_one_of_several_drives_is_named(tmp_path):
     ("write", "options", "problem"),
     [
         (write_object_frames, {"drive": "1"}, "--drive means nothing to KITTI's object"),
+        (write_object_frames, {"interval_s": 0.0}, "--interval 0: frames follow one another"),
         (write_odometry, {"split": "val"}, "--split means nothing to KITTI's odometry"),
         (write_odometry, {"interval_s": 0.1}, "--interval means nothing to KITTI's odometry"),
         (write_odometry, {"classes": {"Van": "car"}}, "--class means nothing to KITTI's odometry"),

@@ -30,7 +30,7 @@ def test_stamps_poses_and_tracklets_come_from_the_files(tmp_path):
     assert boxes.ids == ("tracklet_0", "tracklet_1")
     assert np.allclose(boxes.geometry[0], [17, 2, -1.7 + 0.75, 4, 1.6, 1.5, 0.1])
     assert np.allclose(boxes.velocity_mps, [[0, 0, 0], [5, 0, 0]], atol=1e-3)
-    assert frames[0].vehicles["ego"].ignored.class_names == ("Van",)
+    assert frames[0].vehicles["ego"].ignored.class_names == ("Person_sitting",)
     assert frames[1].vehicles["ego"].ignored.class_names == ()
 
 
@@ -42,7 +42,11 @@ def test_the_bag_has_velocities_and_image_labels(tmp_path):
     labels = (
         next(KittiForm().open(tmp_path, ImportOptions()).frames()).vehicles["ego"].cameras["camera_2"].labels
     )
-    assert [(label.class_name, label.occlusion) for label in labels] == [("Car", 0), ("Car", 1), ("Van", 0)]
+    assert [(label.class_name, label.occlusion) for label in labels] == [
+        ("Car", 0),
+        ("Car", 1),
+        ("Person_sitting", 0),
+    ]
     left, _, right, bottom = labels[0].edges_px
     # The car at 20 m, 2 m to the left: its middle is about 700 * -2 / 20 pixels left of the image's.
     assert 480 < left < 600 - 70 < right < 600
