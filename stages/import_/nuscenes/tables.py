@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from advpipe.pipeline.core.document import Document
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.json_array import Record, read_json_array
 from advpipe.stages.import_.nuscenes.records import (
     AnnotationRecord,
     InstanceRecord,
@@ -19,7 +20,7 @@ from advpipe.stages.import_.nuscenes.records import (
     SampleRecord,
     SensorRecord,
 )
-from advpipe.stages.import_.nuscenes.table import Record, has_value, read_records, records_of
+from advpipe.stages.import_.nuscenes.table import HINT, has_value, records_of
 
 NEEDED = (
     "scene",
@@ -173,7 +174,7 @@ class NuscenesTables:
         found: dict[str, list[AnnotationRecord]] = {token: [] for token in samples}
         for record in records_of(file, AnnotationRecord, has_value("sample_token", samples)):
             found[record.sample_token].append(record)
-        if not any(found.values()) and next(read_records(file), None) is None:
+        if not any(found.values()) and next(read_json_array(file, HINT), None) is None:
             return None
         return found
 
