@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.text import one_line
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.labels import IgnoredBoxes
@@ -47,7 +47,7 @@ def sort_named_boxes(named: Sequence[NamedBox], class_map: Mapping[str, str]) ->
         ours = class_map.get(each.class_name) or class_map.get(each.class_name.lower())
         if ours is None:
             raise AdvpipeError(
-                f"the class {one_line(each.class_name, 80)!r} is unknown; say what it is with --class "
+                f"the class {short_repr(each.class_name)} is unknown; say what it is with --class "
                 f"NAME=CLASS, a CLASS of {', '.join((*CLASSES, IGNORED, DROPPED))}"
             )
         if ours == IGNORED:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 
 MOST_POINTS = 10_000_000
@@ -45,7 +46,7 @@ def cloud_of_fields(fields: Mapping[str, Array], stamp_ns: int | None, scale_int
         ours: named for ours, names in FIELD_NAMES.items() if (named := _first(fields, names)) is not None
     }
     if missing := [name for name in "xyz" if name not in found]:
-        known = ", ".join(list(fields)[:20]) or "none"
+        known = shorten(", ".join(list(fields)[:20]), 300) or "none"
         raise AdvpipeError(f"its points have no field {', '.join(missing)}; they have {known}")
     cloud = np.zeros(len(found["x"]), POINT_DTYPE)
     with np.errstate(over="ignore", invalid="ignore"):  # becomes infinite, which the checks see

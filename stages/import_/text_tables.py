@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.text import one_line
+from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_quaternion
 from advpipe.stages.import_.named_boxes import NamedBox
 
@@ -103,7 +103,7 @@ def _time(file: Path, number: int, words: list[str]) -> int:
         return int(date.timestamp()) * _NS_PER_S + int((match[3] or "0").ljust(9, "0"))
     found = time_ns(text)
     if found is None:
-        raise AdvpipeError(f"{file}:{number}: {one_line(text, 80)!r} is no time")
+        raise AdvpipeError(f"{file}:{number}: {short_repr(text)} is no time")
     return found
 
 
@@ -111,7 +111,7 @@ def _numbers(file: Path, number: int, words: list[str]) -> list[float]:
     try:
         values = [float(word) for word in words]
     except ValueError as error:
-        raise AdvpipeError(f"{file}:{number}: {one_line(error, 120)}") from None
+        raise AdvpipeError(f"{file}:{number}: {shorten(str(error))}") from None
     if not np.isfinite(values).all():
         raise AdvpipeError(f"{file}:{number}: a number is not finite")
     return values

@@ -16,7 +16,16 @@ from advpipe.pipeline.messages.types import serialise, typestore
 from tests.fuzz import base
 from tests.fuzz.case import Case
 from tests.fuzz.mcap_tree import body_of, put_together, take_apart
-from tests.fuzz.targets import checkpoint, container, embedded_text, network, tables, tar, trajectories
+from tests.fuzz.targets import (
+    checkpoint,
+    container,
+    embedded_text,
+    network,
+    recording,
+    tables,
+    tar,
+    trajectories,
+)
 from tests.fuzz.targets import scenario as scenarios
 from tests.fuzz.targets.bag_edit import BagDocument, mcap_bytes
 from tests.fuzz.values import Raw, document
@@ -216,6 +225,36 @@ def checkpoint_about(edit: Edit) -> Callable[[Path], Case]:
     return make
 
 
+def cut_npy(folder: Path) -> Case:
+    """An array whose header ends within a bracket."""
+    data = (folder / base.POINTS / "clouds" / "named.npy").read_bytes()
+    head = b"{'descr': [('x', '<f4'), ("
+    return Case("file", "clouds/named.npy", data[:8] + struct.pack("<H", len(head)) + head)
+
+
+def long_word(folder: Path) -> Case:
+    """Poses of which one number is a long word."""
+    return Case("folder", "drive/poses.txt", b"x" * 100_000 + b" 0 0 0 0 1 0 0 0 0 1 0\n")
+
+
+def database(change: str, *values: object) -> Callable[[Path], Case]:
+    """A recording in SQLite with something else in a column."""
+
+    def make(folder: Path) -> Case:
+        import sqlite3
+        import tempfile
+
+        with tempfile.NamedTemporaryFile(suffix=".db3") as file:
+            Path(file.name).write_bytes((folder / base.RECORDINGS / recording.SQLITE).read_bytes())
+            opened = sqlite3.connect(file.name)
+            opened.execute(f"UPDATE messages SET {change} WHERE id = 4", values)
+            opened.commit()
+            opened.close()
+            return Case("sqlite", recording.SQLITE, Path(file.name).read_bytes())
+
+    return make
+
+
 def lane_shapes(call: str, shape: str) -> Callable[[Path], Case]:
     """A network in which the first lane of each edge has another shape."""
 
@@ -325,6 +364,10 @@ SEEDS = (
     Seed("zip of zeros", "checkpoint", zip_bomb),
     Seed("checkpoint of a deep text", "checkpoint", checkpoint_about(lambda about: DEEP)),
     Seed("checkpoint of a list", "checkpoint", checkpoint_about(lambda about: [about])),
+    Seed("header of half an array", "point_files", cut_npy),
+    Seed("number of 100,000 letters", "point_files", long_word),
+    Seed("time of a word", "recording", database("timestamp = ?", "soon")),
+    Seed("message of a number", "recording", database("data = ?", 0.5)),
     Seed("lane beyond all numbers", "network", lane_shapes("simulate", "1e308,0 -1e308,0")),
     Seed("curves beyond all maps", "network", long_curves),
     Seed("lane with and without height", "network", lane_shapes("repair", "0,0,1 50,0")),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3_from_yaw
 from advpipe.pipeline.messages import build
@@ -119,8 +120,8 @@ class RecordedDrive:
         lidar_SE3_frame = tree.lookup(instant.frame_id, frame_id, instant.stamp_ns)
         if lidar_SE3_frame is None:
             raise AdvpipeError(
-                f"no transform connects the frame {frame_id!r} of {self._topics.objects} to "
-                f"{instant.frame_id!r} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and /tf_static, or "
+                f"no transform connects the frame {short_repr(frame_id)} of {self._topics.objects} to "
+                f"{short_repr(instant.frame_id)} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and /tf_static, or "
                 "choose frames that have them (--frames)"
             )
         return posed.in_frame(lidar_SE3_frame, later_s)

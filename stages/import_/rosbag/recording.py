@@ -22,6 +22,7 @@ from advpipe.pipeline.bag.files import METADATA_NAME, read_information
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, one_line
+from advpipe.pipeline.core.short_repr import shorten
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.message_bounds import implausibility
 from advpipe.pipeline.messages.types import types_from
@@ -255,7 +256,7 @@ def _one_line_errors(path: Path) -> Iterator[None]:
     except AdvpipeError:
         raise
     except OSError as error:
-        raise AdvpipeError(f"{path}: cannot be read: {error.strerror or one_line(error, 200)}") from None
+        raise AdvpipeError(f"{path}: cannot be read: {error.strerror or shorten(one_line(error))}") from None
     except Exception as error:  # assertions, struct, SQLite: a damaged file can fail in any way
-        text = one_line(error, 300) or type(error).__name__
+        text = shorten(one_line(error), 300) or type(error).__name__
         raise AdvpipeError(f"{path}: is damaged or no recording: {text}") from None

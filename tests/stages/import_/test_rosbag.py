@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
 
 import advpipe.sample
 from advpipe.pipeline.bag.frames import read_frames
@@ -348,6 +350,25 @@ def test_chunks_of_ros1_unpack_within_a_bound(
     monkeypatch.setattr(recording, "_MOST_CHUNK_BYTES", 1000)
     with pytest.raises(AdvpipeError, match="a chunk unpacks to more than"):
         list(opened(tmp_path / "r.bag").frames())
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_recordings_compressed_per_file_or_message(
+    plugin: StoragePlugin, mode: CompressionMode, tmp_path: Path
+) -> None:
+    """What `BagReader` does not read, and rosbags does."""
+    made, connections = Made("mcap"), {}
+    writer = Ros2Writer(tmp_path / "r", version=8, storage_plugin=plugin)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer as bag:
+        for topic, type_name, log_ns, message in ros_drives.carla(made):
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, type_name, typestore=made.store)
+            bag.write(connections[topic], log_ns, made.store.serialize_cdr(message, type_name))
+    frames = list(opened(tmp_path / "r").frames())
+    assert [frame.stamp_ns for frame in frames] == [START_NS + k * STEP_NS for k in range(4)]
+    assert all(len(frame.vehicles["ego"].boxes) == 2 for frame in frames)
 
 
 def test_what_is_no_recording(tmp_path: Path) -> None:
