@@ -27,7 +27,7 @@ LAYERS = (
     {"sensors"},
     {"scenario"},
     {"bag", "baselines", "birds_eye", "labels", "results", "viewer"},
-    {"replay", "dataset", "detector", "viewer_layouts"},
+    {"image_labels", "replay", "dataset", "detector", "viewer_layouts"},
     {"defences"},
 )
 """Of `pipeline/`, from the ground up; each imports only from its own layer and those below it."""

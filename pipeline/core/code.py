@@ -14,6 +14,7 @@ CLOUDS = (
     "pipeline/core/frame_slice.py",
     "pipeline/bag/frames.py",
     "pipeline/bag/ground_truth.py",
+    "pipeline/bag/lidar_mount.py",
     "pipeline/bag/uncounted.py",
     "pipeline/messages/labels.py",
     "pipeline/baselines.py",

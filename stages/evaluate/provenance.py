@@ -49,6 +49,7 @@ REPORTING = (
     "pipeline/labels",
     "pipeline/messages",
     "pipeline/replay",
+    "pipeline/image_labels",
     "pipeline/kitti",
     "pipeline/localisation",
     "pipeline/misbehaviour",

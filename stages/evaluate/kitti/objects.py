@@ -9,9 +9,9 @@ import numpy as np
 from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.image_labels.frame_labels import frame_labels
+from advpipe.pipeline.image_labels.label_camera import CameraAtFrame
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
-from advpipe.pipeline.kitti.frame_labels import frame_labels
-from advpipe.pipeline.kitti.label_camera import CameraAtFrame
 from advpipe.pipeline.kitti.object_label import ObjectLabel, camera_box, observation_angle
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.metrics.kitti_objects import Float64, KittiObjects

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
-from advpipe.pipeline.kitti.label_camera import CameraAtFrame, LabelCamera
+from advpipe.pipeline.image_labels.label_camera import CameraAtFrame, LabelCamera
 from advpipe.pipeline.metrics.kitti import KITTI_CLASSES, KITTI_DIFFICULTIES, kitti_precisions
 from advpipe.pipeline.results.kitti import KittiRecord
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import ClassVar
 
 from advpipe.pipeline.bag.frames import Frame, has_ground_truth
+from advpipe.pipeline.image_labels.frame_labels import frame_labels
+from advpipe.pipeline.image_labels.label_camera import CameraAtFrame, LabelCamera
 from advpipe.pipeline.kitti.calibration import format_object_calibration
-from advpipe.pipeline.kitti.frame_labels import frame_labels
-from advpipe.pipeline.kitti.label_camera import CameraAtFrame, LabelCamera
 from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
 from advpipe.stages.export.frames import (

@@ -121,8 +121,8 @@ class RecordedDrive:
         if lidar_SE3_frame is None:
             raise AdvpipeError(
                 f"no transform connects the frame {short_repr(frame_id)} of {self._topics.objects} to "
-                f"{short_repr(instant.frame_id)} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and /tf_static, or "
-                "choose frames that have them (--frames)"
+                f"{short_repr(instant.frame_id)} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and /tf_static, "
+                "or choose frames that have them (--frames)"
             )
         return posed.in_frame(lidar_SE3_frame, later_s)
 

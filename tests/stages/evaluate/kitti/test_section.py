@@ -10,7 +10,7 @@ import pytest
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.dataset.sample import copy_sample
 from advpipe.pipeline.detector.protocol import Detections
-from advpipe.pipeline.kitti.label_camera import LabelCamera
+from advpipe.pipeline.image_labels.label_camera import LabelCamera
 from advpipe.pipeline.metrics.kitti import kitti_precisions
 from advpipe.stages.evaluate.kitti.objects import detected_objects, labelled_objects
 from advpipe.stages.evaluate.options import Options

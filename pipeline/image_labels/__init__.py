@@ -1,0 +1,1 @@
+"""What a bag's objects are in a camera's image, as KITTI labels them."""
