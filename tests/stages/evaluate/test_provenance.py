@@ -5,9 +5,11 @@ from place_drive import clean_cloud, write_bag
 
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.stages.evaluate.detection.comparison import Comparison
+from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.provenance import comparison_warnings
 
 TOPIC = "/ego/lidar/points"
+OF_TOPIC = Options(lidar_topic=TOPIC)
 
 
 @pytest.fixture
@@ -17,7 +19,7 @@ def clean(tmp_path):
 
 def test_attack_on_other_weights_is_called_a_transfer(clean):
     def warnings(about, detector, sha256):
-        return comparison_warnings(Comparison(None, Provenance(about), (), detector, sha256), clean, TOPIC)
+        return comparison_warnings(Comparison(None, Provenance(about), (), detector, sha256), clean, OF_TOPIC)
 
     about = {"detector_sha256": "a" * 64}
     assert warnings(about, "any", "a" * 64) == warnings(about, "any", "") == []
@@ -29,7 +31,7 @@ def test_attack_on_other_weights_is_called_a_transfer(clean):
 
 def test_other_clouds_than_the_attacked_ones_are_reported(clean):
     def warnings(about):
-        return comparison_warnings(Comparison(None, Provenance(about), ()), clean, None)
+        return comparison_warnings(Comparison(None, Provenance(about), ()), clean, Options())
 
     assert warnings({}) == warnings({"lidar_topics": f'["{TOPIC}"]'}) == []
     assert warnings({"lidar_topics": '["/ego/roof/points"]'}) == [
@@ -42,7 +44,7 @@ def test_intensities_of_another_scale_are_reported(tmp_path, most, stated):
     cloud = clean_cloud(0)
     cloud["intensity"][3] = most
     bag = write_bag(tmp_path / "bright", {}, {0: cloud})
-    lines = comparison_warnings(Comparison(None, Provenance({}), ()), bag, TOPIC)
+    lines = comparison_warnings(Comparison(None, Provenance({}), ()), bag, OF_TOPIC)
     assert [stated[0] in line for line in lines] == [True] * len(stated)
 
 
