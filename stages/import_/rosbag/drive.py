@@ -239,7 +239,7 @@ class RecordedDrive:
         elif height_m is None:
             yield "No transform tells where the LiDAR sits: base_link is at the LiDAR (see --lidar-height)."
         if self._on_ground:
-            yield "CARLA's bridge gives vehicles' origins on the ground: their boxes are raised to stand there."
+            yield "CARLA's bridge gives vehicles' origins on the ground: their boxes are raised onto it."
 
 
 def _is_around_origin(named: NamedBox) -> bool:
