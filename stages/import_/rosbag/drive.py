@@ -121,8 +121,8 @@ class RecordedDrive:
         if lidar_SE3_frame is None:
             raise AdvpipeError(
                 f"no transform connects the frame {short_repr(frame_id)} of {self._topics.objects} to "
-                f"{short_repr(instant.frame_id)} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and /tf_static, "
-                "or choose frames that have them (--frames)"
+                f"{short_repr(instant.frame_id)} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and "
+                "/tf_static, or choose frames that have them (--frames)"
             )
         return posed.in_frame(lidar_SE3_frame, later_s)
 
@@ -158,7 +158,7 @@ class RecordedDrive:
 
     def _base_frame(self, tree: TransformTree, lidar_frame: str) -> str | None:
         """The vehicle's frame: by its name, by that of odometry, by the LiDAR's, or the lowest that moves."""
-        frames = tree.frames
+        frames = sorted(tree.frames)
         usual = [name for name in frames if name.rpartition("/")[2] in _BASE_NAMES]
         prefix = lidar_frame.removeprefix("/").rpartition("/")[0]
         root = tree.root(lidar_frame)
@@ -239,7 +239,7 @@ class RecordedDrive:
         elif height_m is None:
             yield "No transform tells where the LiDAR sits: base_link is at the LiDAR (see --lidar-height)."
         if self._on_ground:
-            yield "CARLA's bridge gives origins on the ground: boxes of vehicles are raised by half."
+            yield "CARLA's bridge gives vehicles' origins on the ground: their boxes are raised onto it."
 
 
 def _is_around_origin(named: NamedBox) -> bool:

@@ -164,7 +164,7 @@ def preload() -> None:
     """Every module of advpipe, and with it the libraries."""
     import importlib
 
-    for stage in ("simulate", "attack", "evaluate", "train", "share", "verify"):
+    for stage in ("simulate", "attack", "evaluate", "train", "share", "verify", "import_", "export"):
         importlib.import_module(f"advpipe.stages.{stage}.run")
     for name in ("pipeline.cli", "pipeline.bag.recover", "stages.evaluate.v2x.veremi"):
         importlib.import_module(f"advpipe.{name}")

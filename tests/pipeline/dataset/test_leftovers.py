@@ -92,6 +92,26 @@ def test_a_living_runs_folder_stays(tmp_path: Path) -> None:
     assert not found.remove()
 
 
+def test_parts_of_an_import_are_of_use_until_the_drive_is_there(tmp_path: Path) -> None:
+    """A run that replaces an older drive can still go on from its parts."""
+    job = killed(
+        tmp_path / ".d.0123456789ab.job", "00000000-00000020/part.json", "00000020-00000033/part.json"
+    )
+    source = tmp_path / "d" / "source.yaml"
+    source.parent.mkdir()
+    uses = []
+    for written_s in (None, 1000, 3000):
+        if written_s is not None:
+            source.touch()
+            os.utime(source, (written_s, written_s))
+        for part in job.glob("0*"):
+            os.utime(part, (2000, 2000))
+        leftover = recognise(job)
+        assert leftover is not None
+        uses.append((leftover.frames, leftover.use))
+    assert uses == [(33, "resume"), (33, "resume"), (33, None)]
+
+
 def test_a_run_that_began_meanwhile_keeps_its_job(tmp_path: Path) -> None:
     job = killed(tmp_path / ".adv.0123456789ab.job")
     (found,) = find_leftovers(tmp_path)
