@@ -12,7 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, lidar_topics, sensors_by_topic
 from advpipe.pipeline.bag.ground_truth import BOX_TYPES, LATENCY_NS, GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.uncounted import Uncounted, counted_truth
+from advpipe.pipeline.bag.uncounted import Uncounted, uncounted_at
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.nearest import suggestion
@@ -117,9 +117,16 @@ def read_frames(
     LiDAR's frame through /tf_static and the true odometry or /tf.
     """
     return (
-        Frame(index, scan.stamp_ns, scan.cloud, *counted_truth(truth, scan.stamp_ns, scan.frame_id))
+        Frame(index, scan.stamp_ns, scan.cloud, *_truth(truth, scan.stamp_ns, scan.frame_id))
         for index, scan, truth in read_clouds(path, chosen, lidar_topic=lidar_topic)
     )
+
+
+def _truth(truth: GroundTruth | None, stamp_ns: int, lidar_frame: str) -> tuple[Boxes, Uncounted]:
+    """The objects at an instant, and what does not count; neither without ground truth."""
+    if truth is None:
+        return Boxes(), Uncounted()
+    return truth.boxes(stamp_ns, lidar_frame), uncounted_at(truth, stamp_ns, lidar_frame)
 
 
 CloudWithTruth = tuple[int, StampedCloud, "GroundTruth | None"]

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.ground_truth import GroundTruth
-from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 
@@ -17,7 +16,8 @@ from advpipe.pipeline.messages.labels import IgnoredBoxes
 class Uncounted:
     """Labelled objects that count neither way, and where objects are labelled; in the LiDAR's frame.
 
-    Objects of known classes whose centre lies outside the labelled regions are among `boxes`.
+    An object that is labelled counts wherever it is, as one does whose centre lies beside the image. A
+    detection that finds none counts only where objects are labelled.
     """
 
     boxes: IgnoredBoxes = field(default_factory=IgnoredBoxes)
@@ -31,20 +31,6 @@ class Uncounted:
         return ~self.coverage.counts(boxes[:, :3])
 
 
-def counted_truth(truth: GroundTruth | None, stamp_ns: int, lidar_frame: str) -> tuple[Boxes, Uncounted]:
-    """The objects at an instant that count, in the LiDAR's frame, and what does not count; without ground
-    truth, neither."""
-    if truth is None:
-        return Boxes(), Uncounted()
-    boxes, ignored = truth.boxes(stamp_ns, lidar_frame), truth.ignored(stamp_ns, lidar_frame)
-    coverage = truth.coverage(stamp_ns, lidar_frame)
-    counts = coverage.counts(boxes.geometry[:, :3])
-    if not counts.all():
-        outside = boxes[~counts]
-        ignored = IgnoredBoxes(
-            np.concatenate([ignored.geometry, outside.geometry]),
-            (*ignored.class_names, *(CLASSES[label] for label in outside.labels)),
-            (*ignored.ids, *outside.ids),
-        )
-        boxes = boxes[counts]
-    return boxes, Uncounted(ignored, coverage)
+def uncounted_at(truth: GroundTruth, stamp_ns: int, lidar_frame: str) -> Uncounted:
+    """What does not count at an instant."""
+    return Uncounted(truth.ignored(stamp_ns, lidar_frame), truth.coverage(stamp_ns, lidar_frame))

@@ -18,4 +18,5 @@ def uncounted_notes(frames: Sequence[FrameResult]) -> Iterator[str]:
     if counted:
         yield f"Labelled, but counted neither way: {', '.join(counted)}."
     if views:
-        yield f"Labels cover only {', '.join(sorted(views))}: what lies outside counts neither way."
+        where = ", ".join(sorted(views))
+        yield f"Labels cover only {where}: outside, a detection without a labelled object counts neither way."

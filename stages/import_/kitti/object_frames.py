@@ -56,7 +56,7 @@ class ObjectFrames:
         notes = [
             f"frames of unrelated places, taken as {self._interval_ns / 1e9:g} s apart (--interval)",
             "taken as KITTI's own data; for other data in its form give --licence",
-            "objects count within camera 2's image and outside DontCare; "
+            "labels cover camera 2's image outside DontCare; "
             + (f"{', '.join(ignored)} count neither way (--class)" if ignored else "no class is ignored"),
         ]
         if not self._is_labelled:
