@@ -19,6 +19,7 @@ from advpipe.pipeline.core.job_folder import job_folder
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.viewer_layouts.files import write_layouts
@@ -87,7 +88,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         parts = list(_parts(source, indices, job, checks))
         text = yaml.safe_dump(description, sort_keys=False, allow_unicode=True)
         (folder / SOURCE_NAME).write_text(text, encoding="utf-8")
-        provenance = imported_provenance(source.name, text)
+        provenance = imported_provenance(description["name"], text)
         with BagWriter(folder / "clean", provenance=provenance, finish=write_layouts) as writer:
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
@@ -142,8 +143,8 @@ def _is_whole(part: Path) -> bool:
 
 def _signature(request: ImportRequest, source: DriveSource) -> str:
     """What decides the parts: the request, and whether the source is the one that was read before."""
-    status = request.source.stat()
-    return f"{request} {source.frame_count} {PART_FRAMES} {status.st_mtime_ns} {status.st_size}"
+    fingerprint = getattr(source, "fingerprint", "")  # of sources that can tell cheaply
+    return f"{request} {source.frame_count} {PART_FRAMES} {fingerprint}"
 
 
 def _chosen(source: DriveSource, indices: range) -> Iterator[DriveFrame]:
@@ -183,8 +184,8 @@ def _description(
     }
     return {
         "form": request.form,
-        "name": source.name,
-        "source": request.source.resolve().name,
+        "name": escape_unprintable(source.name),
+        "source": escape_unprintable(request.source.resolve().name),
         "licence": given.licence or licence,
         "citation": citation,
         "notes": list(source.notes),
