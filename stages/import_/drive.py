@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -97,3 +97,12 @@ class DriveSource(Protocol):
 
         Raises AdvpipeError, one line with the file's name and a way out, for what cannot be read.
         """
+
+
+@runtime_checkable
+class FingerprintedSource(DriveSource, Protocol):
+    """A source that can tell cheaply whether it is the one that was read before."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Changes where the source's files do."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -87,6 +88,12 @@ class PointFolder:
     @property
     def static_transforms(self) -> Sequence[tuple[str, str, Float64]]:
         return (("ego/base_link", "ego/lidar", self.base_SE3_lidar),)
+
+    @property
+    def fingerprint(self) -> str:
+        """Changes with the name, size or time of any of the files."""
+        about = [(file.name, (status := file.stat()).st_size, status.st_mtime_ns) for file in self.files]
+        return hashlib.sha256(repr(about).encode(errors="surrogateescape")).hexdigest()
 
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
         """See `DriveSource.frames`."""

@@ -20,12 +20,13 @@ from advpipe.pipeline.core.job_folder import job_folder
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.import_.checks import DriveChecks
 from advpipe.stages.import_.counts import FrameCounts, PartSummary, read_part_summary
-from advpipe.stages.import_.drive import DriveFrame, DriveSource
+from advpipe.stages.import_.drive import DriveFrame, DriveSource, FingerprintedSource
 from advpipe.stages.import_.options import ImportOptions, ImportRequest
 from advpipe.stages.import_.record import frame_messages, static_messages
 from advpipe.stages.import_.registry import find_form
@@ -89,7 +90,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         parts = list(_parts(source, indices, job, checks))
         text = yaml.safe_dump(description, sort_keys=False, allow_unicode=True)
         (folder / SOURCE_NAME).write_text(text, encoding="utf-8")
-        provenance = imported_provenance(source.name, text)
+        provenance = imported_provenance(description["name"], text)
         with BagWriter(folder / "clean", provenance=provenance, finish=write_layouts) as writer:
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
@@ -144,9 +145,8 @@ def _is_whole(part: Path) -> bool:
 
 def _signature(request: ImportRequest, source: DriveSource) -> str:
     """What decides the parts: the request, whether the source is the one that was read before, the code."""
-    status = request.source.stat()
-    about_source = f"{source.frame_count} {status.st_mtime_ns} {status.st_size}"
-    return f"{request} {about_source} {PART_FRAMES} {code_sha256('stages/import_')}"
+    fingerprint = source.fingerprint if isinstance(source, FingerprintedSource) else ""
+    return f"{request} {source.frame_count} {PART_FRAMES} {fingerprint} {code_sha256('stages/import_')}"
 
 
 def _chosen(source: DriveSource, indices: range) -> Iterator[DriveFrame]:
@@ -186,8 +186,8 @@ def _description(
     }
     return {
         "form": request.form,
-        "name": source.name,
-        "source": request.source.resolve().name,
+        "name": escape_unprintable(source.name),
+        "source": escape_unprintable(request.source.resolve().name),
         "licence": given.licence or licence,
         "citation": citation,
         "notes": list(source.notes),

@@ -82,6 +82,12 @@ class RecordedDrive:
     def static_transforms(self) -> Sequence[tuple[str, str, Float64]]:
         return (("ego/base_link", "ego/lidar", self._mount.base_SE3_lidar),)
 
+    @property
+    def fingerprint(self) -> str:
+        """Changes with the size or time of the recording."""
+        status = self._recording.path.stat()
+        return f"{status.st_size} {status.st_mtime_ns}" if self._recording.path.is_file() else ""
+
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
         """See `DriveSource.frames`."""
         tree = self._tree()

@@ -250,6 +250,16 @@ def test_what_is_wrong_in_a_frame_is_said_in_one_line(what: str, complaint: str,
     assert [path.name for path in tmp_path.iterdir()] == ["f"]
 
 
+def test_names_that_are_not_utf8(tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b"t\xff")
+    folder_of(folder, os.fsdecode(b"\xfe1.pcd"))
+    summary = imported(folder, tmp_path / "d")
+    assert BagReader(summary.bag).provenance["scenario_name"] == "t\\udcff"
+    (folder / os.fsdecode(b"\xfe1.pcd")).write_bytes(b"")
+    with pytest.raises(AdvpipeError, match="no line DATA"):
+        imported(folder, tmp_path / "e")
+
+
 def test_clouds_without_labels_and_labels_without_clouds_are_told(tmp_path: Path) -> None:
     folder = folder_of(tmp_path / "f", "0.pcd", "1.pcd")
     (folder / "labels").mkdir()

@@ -32,7 +32,9 @@ def drive(monkeypatch: pytest.MonkeyPatch) -> TinyDrive:
 
 def imported(out: Path, **options) -> run.ImportSummary:
     overwrite = options.pop("overwrite", False)
-    return import_drive(ImportRequest("tiny", Path(__file__).parent, ImportOptions(**options)), out, overwrite=overwrite)
+    return import_drive(
+        ImportRequest("tiny", Path(__file__).parent, ImportOptions(**options)), out, overwrite=overwrite
+    )
 
 
 def digest(bag: Path) -> str:
