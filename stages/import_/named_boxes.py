@@ -10,8 +10,8 @@ import numpy as np
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
-from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.labels import IgnoredBoxes
+from advpipe.stages.import_.labelled import LabelledObject, sort_objects
 from advpipe.stages.import_.options import DROPPED, IGNORED
 
 USUAL_CLASSES: Mapping[str, str] = {
@@ -40,9 +40,7 @@ def sort_named_boxes(named: Sequence[NamedBox], class_map: Mapping[str, str]) ->
 
     Raises AdvpipeError for a class that the map lacks in the source's spelling and in lower case.
     """
-    counted: list[NamedBox] = []
-    ignored: list[NamedBox] = []
-    labels: list[int] = []
+    ours_of = {}
     for each in named:
         ours = class_map.get(each.class_name) or class_map.get(each.class_name.lower())
         if ours is None:
@@ -50,18 +48,9 @@ def sort_named_boxes(named: Sequence[NamedBox], class_map: Mapping[str, str]) ->
                 f"the class {short_repr(each.class_name)} is unknown; say what it is with --class "
                 f"NAME=CLASS, a CLASS of {', '.join((*CLASSES, IGNORED, DROPPED))}"
             )
-        if ours == IGNORED:
-            ignored.append(each)
-        elif ours != DROPPED:
-            counted.append(each)
-            labels.append(CLASSES.index(ours))
-    velocities = np.array([each.velocity_mps for each in counted], np.float64).reshape(-1, 3)
-    ids, ignored_ids = tuple(each.id for each in counted), tuple(each.id for each in ignored)
-    return (
-        Boxes(_geometry(counted), np.array(labels, np.int64), ids, velocities),
-        IgnoredBoxes(_geometry(ignored), tuple(each.class_name for each in ignored), ignored_ids),
-    )
-
-
-def _geometry(named: Sequence[NamedBox]) -> Float64:
-    return np.array([each.box for each in named], np.float64).reshape(-1, 7)
+        ours_of[each.class_name] = ours
+    objects = [
+        LabelledObject(each.class_name, each.id, tuple(each.box), tuple(each.velocity_mps)) for each in named
+    ]
+    found = sort_objects(objects, ours_of)
+    return found.boxes, found.ignored
