@@ -49,12 +49,13 @@ def import_command(
     from advpipe.commands.import_drive import import_drive
     from advpipe.pipeline.core.errors import UsageError
 
-    mapping = {}
+    mapping: dict[str, str] = {}
     for pair in classes or []:
         name, equals, ours = pair.partition("=")
         if not equals:
             raise UsageError(f"--class {pair}: write NAME=CLASS, such as Van=truck")
-        mapping[name] = ours
+        if mapping.setdefault(name, ours) != ours:
+            raise UsageError(f"--class {pair}: {name} is already {mapping[name]}; give each class once")
     summary = import_drive(
         form,
         source,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_FLAGS = {"settings": "set", "lidar_height_m": "lidar-height"}
+_FLAGS = {"settings": "set", "lidar_height_m": "lidar-height", "interval_s": "interval", "classes": "class"}
 """Options whose flag is not the Python name with dashes."""
 
 _is_command_line = False

@@ -55,6 +55,7 @@ class DetectionRow(Document):
     map_adv: Number | None = None
     map_ratio_percent: Number | None = None
     map_ratio_ci95: tuple[Number | None, Number | None] | None = None
+    map_ratio_reason: ShortText = ""
     baseline_map_ratio_percent: Number | None = None
     lost_objects: Count | None = None
     working_score: Number | None = None

@@ -152,12 +152,14 @@ def _other_adaptation(comparison: Comparison, adaptation: Adaptation) -> list[st
             }
             if values != vars(adaptation):
                 return [
-                    "The attack was made against a detector that saw clouds otherwise: with "
+                    "The attack was made against a detector that saw clouds otherwise: "
                     f"{_settings(values)}, not {_settings(vars(adaptation))}."
                 ]
     return []
 
 
 def _settings(values: Mapping[str, object]) -> str:
-    """Such as `lidar_height_m 2.2, level False, scale_intensity 1.0`."""
-    return ", ".join(f"{key} {value}" for key, value in values.items())
+    """Such as `with --lidar-height 2.2, --level`."""
+    default = vars(Adaptation())
+    given = [option_name(key, value) for key, value in values.items() if value != default[key]]
+    return f"with {', '.join(given)}" if given else "as recorded"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.licence import check_licence
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.options import check_bounds, option
 
@@ -61,7 +62,13 @@ class ImportOptions:
         for number in (each.name for each in fields(self) if isinstance(getattr(self, each.name), float)):
             if not math.isfinite(getattr(self, number)):
                 raise UsageError(f"{option_name(number)} is not a finite number")
+        if self.licence is not None:
+            check_licence(self.licence)
+        if self.scale_intensity == 0:
+            raise UsageError(f"{option_name('scale_intensity')} is 0, which leaves no intensity; give more")
         for name, ours in self.classes.items():
+            if not name:
+                raise UsageError(f"class ={ours}: the class of the source is missing; write NAME={ours}")
             if ours not in (*CLASSES, IGNORED, DROPPED):
                 raise UsageError(
                     f"class {name}={ours}: {ours!r} is none of {', '.join((*CLASSES, IGNORED, DROPPED))}"

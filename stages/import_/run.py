@@ -17,6 +17,7 @@ from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, as_usage_error
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.job_folder import job_folder
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.tabular import Rows, Tabular
@@ -95,7 +96,7 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
         counts = sum((read_part_summary(part).counts for part in parts), FrameCounts())
-    notes = (*source.notes, *checks.warnings)
+    notes = (*_licence_note(request, form.licence), *source.notes, *checks.warnings)
     return ImportSummary(out / "clean", request.form, len(indices), counts, description["licence"], notes)
 
 
@@ -172,6 +173,15 @@ def _joined(parts: Sequence[Path], source: DriveSource) -> Iterator[StampedCdr]:
         except AdvpipeError as error:
             remove_output(part)  # or every further run would end here
             raise AdvpipeError(f"{error}; run the same import again, which reads these frames anew") from None
+
+
+def _licence_note(request: ImportRequest, licence: str | None) -> Iterator[str]:
+    """Where nobody stated a licence, whose it is: an export of another drive is not the form's own data."""
+    if licence is not None and request.options.licence is None:
+        yield (
+            f"The licence is that of the data published as {request.form}; for other data in this form give "
+            f"{option_name('licence')}."
+        )
 
 
 def _description(

@@ -28,8 +28,8 @@ from advpipe.stages.share.pictures import SharedPicture
 from advpipe.stages.share.source import read_source
 
 _HUB_LICENCES = (
-    "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-4.0", "odbl",
-    "gpl-3.0", "bsd-3-clause",
+    "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-3.0",
+    "cc-by-nc-sa-4.0", "odbl", "gpl-3.0", "bsd-3-clause",
 )  # fmt: skip
 """Hugging Face's licence keys that are SPDX identifiers in lower case; other licences are `other` there."""
 

@@ -60,10 +60,10 @@ def _value(key: str, digits: int, factor: float = 1.0) -> Any:
 
 
 def _ratio(record: DetectionRow) -> str:
-    """Such as `37.1 (28.8…44.6)`."""
+    """Such as `37.1 (28.8…44.6)`, or why there is none."""
     value, interval = record.map_ratio_percent, record.map_ratio_ci95
     if value is None:
-        return NOTHING
+        return f"not meaningful: {record.map_ratio_reason}" if record.map_ratio_reason else NOTHING
     low, high = interval or (None, None)
     return f"{value:.1f}" + (f" ({low:.1f}…{high:.1f})" if low is not None and high is not None else "")
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.licence import check_licence
 
-_SPDX = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*(?: (?:AND|OR|WITH) [A-Za-z0-9][A-Za-z0-9.+-]*)*")
 _CITATION_LIMIT_BYTES = 100_000
 
 
@@ -23,11 +22,8 @@ class ShareOptions:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
-        if self.licence is not None and not _SPDX.fullmatch(self.licence):
-            raise UsageError(
-                f"licence {self.licence!r} is not an SPDX identifier, such as CC-BY-4.0 or LicenseRef-mine "
-                "(https://spdx.org/licenses)"
-            )
+        if self.licence is not None:
+            check_licence(self.licence)
 
 
 DEFAULT_OPTIONS = ShareOptions()

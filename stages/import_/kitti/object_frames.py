@@ -55,12 +55,11 @@ class ObjectFrames:
         ignored = [name for name, ours in self._classes.items() if ours == IGNORED and name != DONT_CARE]
         notes = [
             f"frames of unrelated places, taken as {self._interval_ns / 1e9:g} s apart (--interval)",
-            "taken as KITTI's own data; for other data in its form give --licence",
             "labels cover camera 2's image outside DontCare; "
             + (f"{', '.join(ignored)} count neither way (--class)" if ignored else "no class is ignored"),
         ]
         if not self._is_labelled:
-            notes = [*notes[:2], "no label_2: the frames have no ground truth"]
+            notes = [*notes[:1], "no label_2: the frames have no ground truth"]
         if self._unknown_sizes:
             width_px, height_px = cameras.USUAL_SIZE_PX
             notes.append(

@@ -164,7 +164,7 @@ def test_a_report_and_a_bag_say_how_clouds_were_shown(recorded: Record, tmp_path
     assert "levelled by the ground fitted in each" in stored["formulas"]["adaptation"]
     (row,) = report.to_dicts()
     assert row["map_adv"] < row["map_clean"]
-    assert any("saw clouds otherwise: with lidar_height_m 2.2" in note for note in row["notes"])
+    assert any("saw clouds otherwise: with lidar_height_m=2.2" in note for note in row["notes"])
 
 
 def test_an_attack_on_clouds_as_they_are_does_not_mention_it(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import yaml
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError
+from advpipe.pipeline.core.option_names import use_flags
 from advpipe.stages.evaluate.detection.scoring import Detections, Range, ground_truth, match
 from advpipe.stages.import_ import registry, run
 from advpipe.stages.import_.counts import FrameCounts
@@ -139,3 +140,25 @@ def test_unknown_forms_and_options_of_other_forms_are_refused(drive, tmp_path):
         import_drive(ImportRequest("tini", tmp_path, ImportOptions()), tmp_path / "d")
     with pytest.raises(UsageError, match="means nothing to the form tiny"):
         imported(tmp_path / "d", columns="x,y,z")
+
+
+def test_options_without_a_meaning_are_refused():
+    with pytest.raises(UsageError, match="not an SPDX identifier"):
+        ImportOptions(licence="free for all!")
+    with pytest.raises(UsageError, match="leaves no intensity"):
+        ImportOptions(scale_intensity=0.0)
+    with pytest.raises(UsageError, match="class of the source is missing"):
+        ImportOptions(classes={"": "car"})
+
+
+def test_an_error_names_the_flag_that_the_command_line_has():
+    with use_flags():
+        for option, flag in (("interval_s", "--interval"), ("classes", "--class")):
+            given = ImportOptions(**{option: {"Van": "car"} if option == "classes" else 1.0})
+            with pytest.raises(UsageError, match=f"^{flag} means nothing"):
+                given.refuse_others("tiny", ())
+
+
+def test_a_licence_that_nobody_stated_is_said_to_be_the_forms(drive, tmp_path):
+    assert any("give licence" in note for note in imported(tmp_path / "d").notes)
+    assert not any("give licence" in note for note in imported(tmp_path / "own", licence="MIT").notes)
