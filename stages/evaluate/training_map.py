@@ -35,6 +35,11 @@ def map_status(name: str, detector: ObjectDetector, clean: Mapping[str, str]) ->
     if known is False:
         return MapStatus(False, "")
     listed = detector.training_maps_sha256 if isinstance(detector, ReportsTrainingMaps) else None
+    if clean.get("source") and listed is not None:
+        return MapStatus(
+            None,
+            f"Imported drive: {short} was trained on drives on {len(listed)} maps; this one names no map.",
+        )
     if map_sha256 is None:
         reason = "the clean bag names no map"
     elif listed is None:

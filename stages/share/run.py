@@ -60,7 +60,7 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
     plan_progress({f"reading {dataset}": 2, DESCRIBING: 10, DRAWING: 4, "writing": 4})
     files = _own_files(found)
     source = read_source(found.clean)
-    source_notes = tuple(source_warnings(options, source))
+    source_notes = tuple(source_warnings(source))
     options = with_source(options, source)
     sums = {name: sha256_of(path) for name, path in track(files.items(), f"reading {dataset}", len(files))}
     sha256_of_bags = {bag.name: _sha256(bag, found, sums) for bag in found.bags}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import Document, ShortText, Text, read_yaml
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.stages.share.options import ShareOptions
 
 
@@ -31,9 +32,17 @@ def read_source(bag: Path) -> RecordedSource | None:
 
 
 def with_source(options: ShareOptions, source: RecordedSource | None) -> ShareOptions:
-    """The options with the source's licence and citation where the user gives none."""
+    """The options with the source's licence and citation where the user gives none.
+
+    Raises UsageError for another licence than the source's.
+    """
     if source is None:
         return options
+    if source.licence is not None and options.licence not in (None, source.licence):
+        raise UsageError(
+            f"--licence {options.licence}: the drive comes from {source.form} under {source.licence}; leave "
+            "--licence out, or import the drive with the licence that you have for it"
+        )
     return replace(
         options,
         licence=options.licence or source.licence,
@@ -41,7 +50,7 @@ def with_source(options: ShareOptions, source: RecordedSource | None) -> ShareOp
     )
 
 
-def source_warnings(options: ShareOptions, source: RecordedSource | None) -> Iterator[str]:
+def source_warnings(source: RecordedSource | None) -> Iterator[str]:
     """What the author has to settle before the drive of somebody else is published."""
     if source is None:
         return
@@ -52,5 +61,3 @@ def source_warnings(options: ShareOptions, source: RecordedSource | None) -> Ite
         )
     else:
         yield f"the drive comes from {source.form} ({source.name}) under {source.licence}: share it only so"
-        if options.licence not in (None, source.licence):
-            yield f"{options.licence} is stated, but the source's licence is {source.licence}"
