@@ -71,10 +71,10 @@ def draw_cloud(
     notice_default_lidar(reader, lidar_topic)
     topic = find_lidar_topic(reader, lidar_topic)
     frame = _frame(path, index, topic)
-    before, after, name = frame, None, path.parent.name if path.name == CLEAN_NAME else path.stem
+    before, after, name = frame, None, path.parent.name if path.name == CLEAN_NAME else _name(path)
     if attacked is not None:
         other = resolve_bag(attacked)
-        after, name = _same_frame(other, reader, index, topic), other.stem
+        after, name = _same_frame(other, reader, index, topic), _name(other)
     elif reader.provenance.is_attack and (clean := path.parent / CLEAN_NAME).is_dir() and path != clean:
         before, after = _same_frame(resolve_bag(clean), reader, index, topic), frame
     title = f"{name}, frame {index} of {topic}"
@@ -88,6 +88,11 @@ def _frame(bag: Path, index: int, topic: str) -> Frame:
         valid = f"choose from 0 to {count - 1}" if count else "it holds no clouds"
         raise UsageError(f"{bag} has no frame {index} of {topic}; {valid}")
     return next(iter(read_frames(bag, FrameSlice(index, index + 1), lidar_topic=topic)))
+
+
+def _name(bag: Path) -> str:
+    """A bag's name; that of a folder may have dots in it, such as `detach-0.01`."""
+    return bag.stem if bag.suffix == ".mcap" else bag.name
 
 
 def _same_frame(bag: Path, reader: BagReader, index: int, topic: str) -> Frame:

@@ -84,9 +84,7 @@ class Campaign:
             name: AttackRequest(attacks, scenario.simulation.seed, device, debug)
             for name, attacks in scenario.attacks.items()
         }
-        for name, request in requests.items():
-            request.check()
-            request.refuse_without_v2x(name, scenario)
+        _check(requests, scenario)
         return cls(scenario, requests, folder, detector, device, **options)
 
     def run(self) -> Iterator[Part]:
@@ -124,6 +122,27 @@ class Campaign:
                 clean, adversarial, report, options, overwrite=self.overwrite, workers=self.workers
             )
         return Evaluated(made, report)
+
+
+def _check(requests: Mapping[str, AttackRequest], scenario: Scenario) -> None:
+    """Raises the error of the only attack that cannot be carried out, or one that lists those of several."""
+    errors: list[tuple[str, AdvpipeError]] = []
+    for name, request in requests.items():
+        try:
+            request.check()
+            request.refuse_without_v2x(name, scenario)
+        except AdvpipeError as error:
+            errors.append((name, error))
+    if len(errors) == 1:
+        raise errors[0][1]
+    if errors:
+        texts = (str(error).removeprefix(f"attacks.{name}: ") for name, error in errors)
+        each = (
+            f"({number}) attacks.{name}: {text}"
+            for number, ((name, _), text) in enumerate(zip(errors, texts, strict=True), 1)
+        )
+        kind = UsageError if all(isinstance(error, UsageError) for _, error in errors) else AdvpipeError
+        raise kind(f"{len(errors)} mistakes: {'; '.join(each)}")
 
 
 def has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:

@@ -36,8 +36,9 @@ class AttackCommand(TyperCommand):
         if not wants_help and all(flag in {*own, *_HELP} or flag[:2] != "--" for flag in flags):
             return super().make_context(info_name, args, *others, **extra)
         attack = attack or AttackOptions.type
-        is_quiet = not flags.isdisjoint(_QUIET)
-        with use_verbosity(Verbosity(quiet=is_quiet or wants_help)), open_progress(f"reading about {attack}"):
+        completes = bool(extra.get("resilient_parsing"))  # a line of ours would stand in the shell's prompt
+        is_quiet = completes or wants_help or not flags.isdisjoint(_QUIET)
+        with use_verbosity(Verbosity(quiet=is_quiet)), open_progress(f"reading about {attack}"):
             command, parameters = _command_of(attack, own)
         try:
             return command.make_context(info_name, args, *others, **extra)

@@ -33,6 +33,13 @@ def form_names(incomplete: str) -> list[str]:
     return _beginning(FORM_NAMES, incomplete)
 
 
+def figure_formats(incomplete: str) -> list[str]:
+    """The formats that figures can have."""
+    from advpipe.stages.evaluate.report.figures import FORMATS
+
+    return _beginning(FORMATS, incomplete)
+
+
 def defence_names(incomplete: str) -> list[str]:
     """The defences, without their parameters."""
     from advpipe.pipeline.defences.registry import DEFENCES

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from advpipe.pipeline.cli.completion import figure_formats
 from advpipe.pipeline.cli.shared import Answer, Overwrite
 from advpipe.pipeline.core.progress import with_progress
 
@@ -14,7 +15,9 @@ from advpipe.pipeline.core.progress import with_progress
 @with_progress("copying the figures of {report}")
 def figures_command(
     report: Annotated[Path, typer.Argument(help="Folder of a report, or its report.html.")],
-    format: Annotated[str, typer.Option("--format", help="pdf, svg or png.")] = "pdf",
+    format: Annotated[
+        str, typer.Option("--format", help="pdf, svg or png.", autocompletion=figure_formats)
+    ] = "pdf",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<report>-<format>")
     ] = None,

@@ -12,6 +12,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.recover import DATA_SET
 from advpipe.pipeline.core.partial import staged_folder
+from advpipe.pipeline.viewer_layouts.files import write_layouts
 
 
 def shipped_sample() -> Path:
@@ -36,4 +37,5 @@ def copy_sample(out: Path, *, overwrite: bool = False) -> Path:
         for file in (source / CLEAN_NAME).iterdir():
             if file.suffix in (".mcap", ".yaml"):
                 shutil.copyfile(file, folder / CLEAN_NAME / file.name)
+        write_layouts(folder / CLEAN_NAME)
     return out / CLEAN_NAME

@@ -59,7 +59,8 @@ def _mistakes(error: ValidationError) -> Iterator[tuple[Place, str]]:
 
 def _message(each: dict[str, Any], place: Place) -> str:
     if each["type"] == "extra_forbidden":
-        return f"unknown key; {known_names(place[-1], _keys_at(place[:-1]))}"
+        own = "; an attack's own go into `parameters`" if place[0] == "attacks" and len(place) == 4 else ""
+        return f"unknown key; {known_names(place[-1], _keys_at(place[:-1]))}{own}"
     if each["type"] == "missing":
         return "is missing"
     message = shorten(each["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)

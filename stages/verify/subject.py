@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.bag.files import METADATA_NAME, mcap_files
+from advpipe.pipeline.bag.foreign import refuse_foreign
 from advpipe.pipeline.bag.locate import CLEAN_NAME
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.provenance_record import Provenance
@@ -143,6 +144,7 @@ def find_subject(path: Path) -> Subject:
         return _lone(path)
     if path.suffix == ".mcap":
         return _lone(path)
+    refuse_foreign(path)
     raise UsageError(f"{path} is not a data set, a bag, an .mcap file or an archive")
 
 

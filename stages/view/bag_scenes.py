@@ -36,6 +36,7 @@ PATIENCE_S = 1.5
 """How long to wait for the paths of a bag before the first frame is shown."""
 
 _LEFT_OUT = "The adversarial bag has no such frame: shown is the clean one."
+_CLOUD_LEFT_OUT = "The adversarial bag has no such cloud: shown is the clean one, with the attacked messages."
 _FROM_DEBUG = "What was touched is known from the debug topic; moved points stand where the attack put them."
 _NO_CLOUDS = np.zeros(0, POINT_DTYPE)
 
@@ -94,8 +95,10 @@ class BagScenes:
         time_ns = int(self._bag.times_ns[index])
         other = None if attack is None else self._attacked(attack)
         beside = other if other and (other.has(time_ns) or not self._viewpoint.has_clouds) else None
+        told = beside or (other if other and other.changes_messages else None)  # its messages are all kept
         clouds = self._clouds(index, time_ns, attack, beside)
-        notes = [*clouds.notes, *([_LEFT_OUT] if other and not beside else [])]
+        left_out = [_CLOUD_LEFT_OUT if told else _LEFT_OUT] if other and not beside else []
+        notes = [*clouds.notes, *left_out]
         place = frame_SE3_map(
             self._bag.reader, self._topics, self._viewpoint.timing_topic, self._viewpoint.frame_id, time_ns
         )
@@ -107,12 +110,12 @@ class BagScenes:
         if place is not None:
             if clouds.before is None:
                 boxes += station_boxes(self._bag.reader, time_ns, place, self._topics.vehicle)
-            boxes += self._radio(beside, time_ns, place)
+            boxes += self._radio(told, time_ns, place)
             claimed, connecting = claims(
-                (beside or self._bag).debug, time_ns, place, ATTACKED if beside else ALWAYS
+                (told or self._bag).debug, time_ns, place, ATTACKED if told else ALWAYS
             )
             boxes += claimed
-            lines = [*self._lines(beside, place), *connecting]
+            lines = [*self._lines(told, place), *connecting]
         name = self._bag.path.name if attack is None else self.names[attack]
         touched = clouds.touched
         clean = touched.clean if touched else clouds.before.cloud if clouds.before else _NO_CLOUDS
@@ -120,7 +123,7 @@ class BagScenes:
             name=f"{name}-{index:06d}",
             title=f"{name}, frame {self.labels[index]}",
             clean=clean,
-            attacked=touched.attacked if touched else clean if beside else None,
+            attacked=touched.attacked if touched else clean if told else None,
             change=touched.change if touched else None,
             boxes=tuple(boxes),
             lines=tuple(lines),

@@ -29,8 +29,10 @@ def export_figures(report: Path, file_format: str, out: Path, overwrite: bool = 
         raise UsageError(f"unknown format {file_format!r}; known: {', '.join(FORMATS)}")
     folder = report.parent if report.is_file() else report
     if not (folder / "report.json").is_file():
+        inside = sorted(path.parent for path in folder.glob("reports/*/report.json"))
+        known = f", such as {inside[0]}" if inside else ""
         raise UsageError(
-            f"{report} is not a report: it has no report.json; name a folder that evaluate wrote"
+            f"{report} is not a report: it has no report.json; name a folder that evaluate wrote{known}"
         )
     drawn_as = FORMATS[file_format]
     found = sorted(

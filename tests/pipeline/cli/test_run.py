@@ -98,6 +98,10 @@ def test_all_stages_and_again(
         ("{a: {type: detach}}", "ratio is missing"),
         ("{a: {type: detach, parameters: {ratio: 2}}}", "ratio is 2"),
         ("{a: {type: cam-dos, parameters: {rate: 2}}}", "cam-dos: unknown parameter 'rate'"),
+        (
+            "{a: {type: detatch}, b: {type: detach}, c: {type: cam-drop}}",
+            r"^2 mistakes: \(1\) attacks.a: unknown attack .*; \(2\) attacks.b: detach: ratio is missing",
+        ),
     ],
 )
 def test_bad_attacks_are_refused_before_anything_is_simulated(

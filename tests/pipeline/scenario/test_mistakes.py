@@ -34,6 +34,12 @@ def test_several_are_numbered(tmp_path: Path) -> None:
     assert [f"({number}) " in line for number in range(1, 6)] == [True] * 4 + [False]
 
 
+def test_parameters_of_an_attack_have_their_place(tmp_path: Path) -> None:
+    line = refusal(tmp_path, "attacks: {a: {type: detach, ratio: 1%}}\n")
+    assert line.startswith("attacks.a.0.ratio (line 3): unknown key; known: type, recipe, parameters, ")
+    assert line.endswith("; an attack's own go into `parameters`")
+
+
 def test_one_is_not_numbered(tmp_path: Path) -> None:
     line = refusal(tmp_path, "simulation: {sed: 3}\n")
     assert line.startswith("simulation.sed (line 3): unknown key; did you mean 'seed'?")

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.dataset import checksums
+from advpipe.stages.verify.run import verify
 
 VERIFY = """
 import sys
@@ -68,3 +70,10 @@ def test_folders_in_place_of_files_are_faults(data_set: Path) -> None:
         path.rmdir()
         (data_set / "elsewhere").rename(path)
     assert verify(data_set, quick=True).is_good
+
+
+def test_a_recording_of_another_format_is_named_with_what_to_do(tmp_path: Path) -> None:
+    bag = tmp_path / "drive.bag"
+    bag.write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(UsageError, match=r"drive\.bag is a ROS 1 bag; `advpipe import rosbag "):
+        verify(bag)

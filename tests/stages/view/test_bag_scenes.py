@@ -59,6 +59,25 @@ def test_a_frame_that_the_attack_left_out_is_the_clean_one(scenes):
     assert scenes.scene(4, None).note == ""
 
 
+def test_messages_are_attacked_also_where_the_attack_left_out_the_cloud(dataset):
+    """Coordinated attacks change few clouds, and messages and fixes all the time."""
+    attacks = (
+        {"type": "detach", "recipe": "random", "parameters": {"ratio": 0.02}, "frames": "0:4"},
+        {"type": "cam-position-offset", "attackers": {"share": 0.5}},
+        {"type": "gnss-bias", "victim": "ego"},
+    )
+    out = dataset.parent / "coordinated" / "adversarial"
+    out.parent.mkdir()
+    shutil.copytree(dataset / "clean", out.parent / "clean")
+    attack(out.parent / "clean", out, AttackRequest(tuple(map(attack_spec, attacks))), workers=1)
+    scene = open_scenes(out.parent).scene(19, 0)
+    assert "no such cloud" in scene.note
+    assert np.array_equal(scene.attacked, scene.clean)
+    assert any((box.outcome, box.condition) == ("changed", "attacked") for box in of_role(scene, "ldm"))
+    paths = {(line.kind, line.condition): line.places for line in scene.lines}
+    assert not np.array_equal(paths["believed", "clean"], paths["believed", "attacked"])
+
+
 def test_the_truth_has_its_stories(scenes, dataset):
     frame = next(iter(read_frames(dataset / "clean", FrameSlice(7, 8))))
     truth = of_role(scenes.scene(7, None), "truth")
