@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from first_words import without_progress
 from typer.testing import CliRunner
 
 from advpipe.pipeline.bag.frames import read_frames
@@ -43,7 +44,7 @@ def attack(clean: Path, name: str, change: Change, frames: tuple[int, ...] = (0,
 def plot(*words: object, code: int = 0) -> str:
     done = CliRunner().invoke(app, ["plot", *map(str, words)])
     assert done.exit_code == code, done.output
-    return done.output
+    return without_progress(done.output)
 
 
 def texts(svg: Path) -> str:
@@ -53,7 +54,7 @@ def texts(svg: Path) -> str:
 
 def test_a_clean_cloud_has_its_boxes_and_a_scale(clean: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.svg"
-    assert plot(clean.parent, "--cloud", 1, "-o", out).strip() == str(out)
+    assert f"picture: {out}" in plot(clean.parent, "--cloud", 1, "-o", out)
     found = texts(out)
     assert "drive, frame 1 of /ego/lidar/points" in found
     assert "200 points;" in found
