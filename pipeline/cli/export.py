@@ -57,12 +57,12 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.bag.reader import BagReader
     from advpipe.pipeline.core.errors import UsageError, as_usage_error
-    from advpipe.pipeline.messages.topics import V2X_SENT
+    from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_SENT
     from advpipe.stages.evaluate.v2x.veremi import export_veremi
 
     with as_usage_error():
         source = resolve_bag(bag)
-        if V2X_SENT.name not in BagReader(source).topics:
+        if not {SCENARIO_INFO.name, V2X_SENT.name} & BagReader(source).topics.keys():
             clouds = ", ".join(FORMATS[: -len(V2X_FORMATS)])
             raise UsageError(f"{source} holds no V2X messages to write as {format}; give --format: {clouds}")
     target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")

@@ -152,9 +152,9 @@ class AttackSpec(Section):
     lidar: Reference | None = _shared("lidar")
     frames: Reference = _shared("frames", "For a LiDAR attack.")
     detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)
-    lidar_height_m: Number | None = _shared("lidar_height_m", gt=0, le=100)
+    lidar_height_m: Number | None = _shared("lidar_height_m", ge=0.1, le=100)
     level: Switch = _shared("level")
-    scale_intensity: Number = _shared("scale_intensity", gt=0, le=LARGEST_NUMBER)
+    scale_intensity: Number = _shared("scale_intensity", ge=1e-6, le=1e6)
 
     @field_validator("parameters")
     @classmethod

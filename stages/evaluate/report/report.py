@@ -65,7 +65,7 @@ DEFINITIONS = (
     Formula(
         "interval",
         "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "
-        "clean, adversarial and baseline clouds; fewer than six blocks are too few to show one",
+        "clean, adversarial and baseline clouds",
         ("*_ci95", "blocks"),
     ),
     Formula(

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from first_words import without_progress
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
@@ -119,6 +120,6 @@ def test_each_command_says_so_in_one_line(
         with pytest.raises(SystemExit) as ended:
             app([*words, str(tmp_path / name)])
         assert ended.value.code == 2
-        (line,) = capsys.readouterr().err.splitlines()
+        (line,) = without_progress(capsys.readouterr().err).splitlines()
         assert line.startswith("advpipe: ")
         assert expected in line
