@@ -65,7 +65,7 @@ def test_without_its_registry_line_the_scenario_refuses_it(dataset: Path) -> Non
 
 
 def test_its_panel_is_in_the_layouts_and_the_drive_verifies(dataset: Path, tmp_path: Path) -> None:
-    assert advpipe("verify", dataset).stdout.endswith("good\n")
+    assert f"{dataset}: good\n" in advpipe("verify", dataset).stdout
     done = advpipe("share", dataset, "--out", tmp_path / "shared")
     assert done.returncode == 0, done.stderr
     foxglove = json.loads((tmp_path / "shared" / "play" / "foxglove.json").read_text(encoding="utf-8"))
