@@ -13,12 +13,14 @@ _NAME = "part.json"
 
 @dataclass(frozen=True)
 class FrameCounts:
-    """Counts over frames and vehicles; objects are labelled ones that count, ignored those that do not."""
+    """Counts over frames and vehicles; objects are labelled ones that count, ignored those that do not,
+    regions those in which nothing counts."""
 
     clouds: int = 0
     points: int = 0
     objects: int = 0
     ignored: int = 0
+    regions: int = 0
 
     @classmethod
     def of(cls, frame: DriveFrame) -> FrameCounts:
@@ -29,6 +31,7 @@ class FrameCounts:
             points=sum(len(cloud) for vehicle in vehicles for cloud in vehicle.clouds.values()),
             objects=sum(len(vehicle.boxes) for vehicle in vehicles if vehicle.boxes is not None),
             ignored=sum(len(vehicle.ignored) for vehicle in vehicles),
+            regions=sum(len(vehicle.coverage.ignored) for vehicle in vehicles),
         )
 
     def __add__(self, other: FrameCounts) -> FrameCounts:
@@ -36,8 +39,18 @@ class FrameCounts:
 
     def __str__(self) -> str:
         mean = f"{self.points / max(self.clouds, 1):,.0f}"
-        ignored = f", {self.ignored:,} that count neither way" if self.ignored else ""
-        return f"{self.clouds:,} clouds of {mean} points, {self.objects:,} labelled objects{ignored}"
+        return f"{self.clouds:,} clouds of {mean} points, {self.labels}"
+
+    @property
+    def labels(self) -> str:
+        """How much is labelled, and how much of it does not count, in words."""
+        neither = [
+            f"{count:,} {what}"
+            for count, what in ((self.ignored, "others"), (self.regions, "regions"))
+            if count
+        ]
+        uncounted = f" (and {' and '.join(neither)} that count neither way)" if neither else ""
+        return f"{self.objects:,} labelled objects{uncounted}"
 
 
 class PartSummary(Document):
@@ -62,4 +75,4 @@ def read_part_summary(folder: Path) -> PartSummary:
 
 
 def _values(counts: FrameCounts) -> tuple[int, ...]:
-    return counts.clouds, counts.points, counts.objects, counts.ignored
+    return counts.clouds, counts.points, counts.objects, counts.ignored, counts.regions

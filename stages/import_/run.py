@@ -89,13 +89,14 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         staged_folder(out, overwrite, IMPORTED) as folder,
     ):
         parts = list(_parts(source, indices, job, checks))
+        counts = sum((read_part_summary(part).counts for part in parts), FrameCounts())
+        description["labels"] = counts.labels
         text = yaml.safe_dump(description, sort_keys=False, allow_unicode=True)
         (folder / SOURCE_NAME).write_text(text, encoding="utf-8")
         provenance = imported_provenance(description["name"], text)
         with BagWriter(folder / "clean", provenance=provenance, finish=write_layouts) as writer:
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
-        counts = sum((read_part_summary(part).counts for part in parts), FrameCounts())
     notes = (*_licence_note(request, form.licence), *source.notes, *checks.warnings)
     return ImportSummary(out / "clean", request.form, len(indices), counts, description["licence"], notes)
 

@@ -241,7 +241,8 @@ def _source_text(clean: BagFacts) -> str:
     source = read_source(clean.path)
     if source is None:
         return ""
-    return f"{source.form}, {source.name}, {source.licence or 'licence not stated'}"
+    labels = f", {source.labels}" if source.labels else ""
+    return f"{source.form}, {source.name}, {source.licence or 'licence not stated'}{labels}"
 
 
 def _attack(bag: BagFacts) -> _Attack:

@@ -19,6 +19,7 @@ class RecordedSource(Document):
     name: ShortText = ""
     licence: ShortText | None = None
     citation: Text = ""
+    labels: ShortText = ""
 
 
 def read_source(bag: Path) -> RecordedSource | None:
