@@ -44,9 +44,9 @@ def test_one_of_several_drives_is_named(tmp_path):
     for number in ("0005", "0011"):
         write_raw_drive(tmp_path / "2011_09_26", number, frames=1)
     names = "2011_09_26_drive_0005_sync, 2011_09_26_drive_0011_sync"
-    with pytest.raises(UsageError, match=f"holds 2 drives; choose one by --drive: {names}"):
+    with pytest.raises(UsageError, match=f"has 2 drives; choose one .*: {names}"):
         KittiForm().open(tmp_path, ImportOptions())
-    with pytest.raises(UsageError, match=f"no drive named '0012'; choose one of {names}"):
+    with pytest.raises(UsageError, match=f"has no drive '0012'; .*{names}"):
         KittiForm().open(tmp_path, ImportOptions(drive="0012"))
     for drive in ("0011", "2011_09_26_drive_0011_sync"):
         assert KittiForm().open(tmp_path, ImportOptions(drive=drive)).name == "2011_09_26_drive_0011_sync"
