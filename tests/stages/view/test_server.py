@@ -162,7 +162,8 @@ def test_nothing_stays_of_a_killed_viewer(dataset):
     for asked in ((), ("bag.json",), ("bag.json", "scene/1/3.json")):
         process = subprocess.Popen([*command, port], stderr=subprocess.PIPE, text=True)
         try:
-            url = next(word for word in process.stderr.readline().split() if word.startswith("http://"))
+            words = (word for line in process.stderr for word in line.split())
+            url = next(word for word in words if word.startswith("http://"))
             for path in asked:
                 with urllib.request.urlopen(f"{url}{path}", timeout=60) as answer:
                     answer.read(100)  # and no more

@@ -86,6 +86,7 @@ def test_other_folders_are_refused(tmp_path):
         KittiForm().open(tmp_path, ImportOptions())
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 def test_a_killed_import_resumes_to_the_same_bytes(tmp_path):
     root = write_object_frames(tmp_path / "kitti", tuple(f"{index:06d}" for index in range(25)))
