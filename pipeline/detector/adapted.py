@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import torch
@@ -10,7 +12,14 @@ from torch import Tensor
 from advpipe.pipeline.core.plugins import plugin_errors, user_class
 from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.detector_frame import AS_RECORDED, DetectorFrame
-from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range, VoxelDetector, VoxelGrid
+from advpipe.pipeline.detector.protocol import (
+    Detections,
+    ObjectDetector,
+    OccupancyLoss,
+    Range,
+    VoxelDetector,
+    VoxelGrid,
+)
 from advpipe.pipeline.messages.cloud import xyz
 
 
@@ -77,11 +86,13 @@ class PlacedDetector:
         if self._scale != 1.0:
             seen["intensity"] = cloud["intensity"] * np.float32(self._scale)
         with plugin_errors(self._own):
-            found = self._inner.detect(seen)
-            return Detections(self._frame.boxes_back(found.boxes), found.scores, found.labels)
+            return self._back(self._inner.detect(seen))
 
     def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
         return self._inner.loss(self._points(points), self._boxes(boxes), labels)
+
+    def _back(self, found: Detections) -> Detections:
+        return Detections(self._frame.boxes_back(found.boxes), found.scores, found.labels)
 
     def _points(self, points: Tensor) -> Tensor:
         seen = self._frame.points(points)
@@ -110,9 +121,10 @@ class PlacedVoxelDetector(PlacedDetector):
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> OccupancyLoss:
         seen = None if probes is None else self._points(probes)
-        return self._voxels.occupancy_loss(self._points(points), self._boxes(boxes), labels, seen)
+        computed = self._voxels.occupancy_loss(self._points(points), self._boxes(boxes), labels, seen)
+        return replace(computed, found=None if computed.found is None else self._back(computed.found))
 
 
 class LevellingDetector:

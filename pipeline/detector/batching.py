@@ -24,6 +24,7 @@ from advpipe.pipeline.detector.protocol import (
     Detections,
     LossInput,
     ObjectDetector,
+    OccupancyLoss,
     Range,
     VoxelGrid,
 )
@@ -63,11 +64,11 @@ class _Request:
 
 @dataclass(frozen=True)
 class _Response:
-    """A loss, the other results of `occupancy_loss`, and the gradients to the points and the occupancy."""
+    """A loss, the gradients to the points and the occupancy, and the whole result of `occupancy_loss`."""
 
     loss: Tensor
-    extra: tuple[Tensor, ...]
     gradients: tuple[Tensor | None, ...]
+    computed: OccupancyLoss | None = None
 
 
 @dataclass(frozen=True)
@@ -176,11 +177,11 @@ class _BatchingProxy:
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> OccupancyLoss:
         response = self._request("occupancy_loss", LossInput(points, boxes, labels, probes), needed=True)
-        occupancy, rows = response.extra
-        occupancy.requires_grad_()
-        return _differentiable(response, points, occupancy), occupancy, rows
+        assert response.computed is not None
+        occupancy = response.computed.occupancy.requires_grad_()
+        return replace(response.computed, loss=_differentiable(response, points, occupancy))
 
     def _request(self, request_type: str, given: LossInput, *, needed: bool) -> _Response:
         points = given.points.detach().requires_grad_(given.points.requires_grad)
@@ -209,29 +210,35 @@ def _loss_responses(
     inputs: list[LossInput] = [request.given for request in requests]
     wanted = [request.wants_gradient for request in requests]
     with torch.set_grad_enabled(any(wanted)):
-        found: list[tuple[Tensor, ...]]
+        computed: list[OccupancyLoss | None] = [None] * len(inputs)
         if request_type == "loss":
-            found = [(loss,) for loss in detector.loss_batch(inputs)]
+            losses = detector.loss_batch(inputs)
         else:
-            found = list(detector.occupancy_loss_batch(inputs))
+            computed = list(detector.occupancy_loss_batch(inputs))
+            losses = [each.loss for each in computed if each is not None]
     # Each loss depends only on its own leaves, so the gradient of the sum is the gradient of each.
     leaves = [
-        (each.points, *extra[:1]) if wants else ()
-        for each, (_, *extra), wants in zip(inputs, found, wanted, strict=True)
+        (given.points,) if each is None else (given.points, each.occupancy)
+        for given, each in zip(inputs, computed, strict=True)
     ]
-    requested = [leaf for of_one in leaves for leaf in of_one if leaf.requires_grad]
-    losses = [loss for (loss, *_), wants in zip(found, wanted, strict=True) if wants and loss.requires_grad]
+    requested = [
+        leaf
+        for of_one, wants in zip(leaves, wanted, strict=True)
+        for leaf in of_one
+        if wants and leaf.requires_grad
+    ]
+    summands = [loss for loss, wants in zip(losses, wanted, strict=True) if wants and loss.requires_grad]
     gradients: dict[int, Tensor] = {}
-    if losses and requested:
-        computed = torch.autograd.grad(losses, requested, allow_unused=True, materialize_grads=True)
-        gradients = {id(leaf): gradient for leaf, gradient in zip(requested, computed, strict=True)}
+    if summands and requested:
+        found = torch.autograd.grad(summands, requested, allow_unused=True, materialize_grads=True)
+        gradients = {id(leaf): gradient for leaf, gradient in zip(requested, found, strict=True)}
     return [
         _Response(
             loss.detach(),
-            tuple(part.detach() for part in extra),
             tuple(gradients.get(id(leaf)) for leaf in of_one),
+            None if each is None else replace(each, loss=loss.detach(), occupancy=each.occupancy.detach()),
         )
-        for (loss, *extra), of_one in zip(found, leaves, strict=True)
+        for loss, of_one, each in zip(losses, leaves, computed, strict=True)
     ]
 
 

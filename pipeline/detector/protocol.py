@@ -115,6 +115,22 @@ class VoxelGrid:
         return corners
 
 
+@dataclass(frozen=True)
+class OccupancyLoss:
+    """What one pass of a `VoxelDetector` computes for a cloud of N points and G probe points.
+
+    loss: a scalar. occupancy: (V,) of the V voxels with a point or probe point, a leaf of ones and zeros that
+    requires a gradient. rows: (N + G,) int64, the row in it of each point and then of each probe point, -1
+    for one that the detector ignores (out of range). found: the objects that it detects in the points, if the
+    same pass tells.
+    """
+
+    loss: Tensor
+    occupancy: Tensor
+    rows: Tensor
+    found: Detections | None = None
+
+
 @runtime_checkable
 class VoxelDetector(ObjectDetector, Protocol):
     """A detector on voxels whose loss can be differentiated with respect to voxel occupancy."""
@@ -125,17 +141,13 @@ class VoxelDetector(ObjectDetector, Protocol):
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> OccupancyLoss:
         """The loss as a function of voxel occupancy, optionally including empty voxels.
 
         probes: (G, 4) float32, probe points in empty voxels. They enter as voxels of
         occupancy 0, so that the loss is that of the points alone, while its gradient shows the effect of a
         point there. Probe points in the same voxel share its row; in an occupied voxel they are ignored.
-
-        Returns the scalar loss; the occupancy (V,) of the V voxels with a point or probe point, a leaf
-        of ones and zeros that requires a gradient; and the row of each point and then of each probe point
-        (N + G,) int64 in it, -1 for one that the detector ignores (out of range). Where the points
-        require a gradient, the same backward pass computes it.
+        Where the points require a gradient, the same backward pass computes it.
         """
 
 
@@ -164,5 +176,5 @@ class BatchDetector(VoxelDetector, Protocol):
     def loss_batch(self, inputs: Sequence[LossInput]) -> list[Tensor]:
         """The loss of each input, a scalar; without probe points."""
 
-    def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """The loss, the occupancy (a separate leaf) and the rows in it, of each input."""
+    def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[OccupancyLoss]:
+        """The result of each input, its occupancy a separate leaf."""

@@ -31,6 +31,14 @@ def xyzi(cloud: Cloud) -> npt.NDArray[np.float32]:
     return np.stack([cloud["x"], cloud["y"], cloud["z"], cloud["intensity"]], axis=-1)
 
 
+def cloud_of_xyzi(points: npt.NDArray[np.float32]) -> Cloud:
+    """Points (N, 4) x, y, z, intensity as a cloud, its other fields zero: no detector reads them."""
+    cloud = np.zeros(len(points), POINT_DTYPE)
+    for column, name in enumerate(("x", "y", "z", "intensity")):
+        cloud[name] = points[:, column]
+    return cloud
+
+
 class StampedCloud(NamedTuple):
     """A cloud with the header of its message."""
 

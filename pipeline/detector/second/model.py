@@ -19,7 +19,7 @@ from advpipe.pipeline.detector.common.network import (
     NetworkDetector,
     require_finite,
 )
-from advpipe.pipeline.detector.protocol import Detections, LossInput, VoxelGrid
+from advpipe.pipeline.detector.protocol import Detections, LossInput, OccupancyLoss, VoxelGrid
 from advpipe.pipeline.detector.second.backbone3d import Backbone3d
 from advpipe.pipeline.detector.second.presets import SecondPreset
 from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
@@ -62,11 +62,15 @@ class SecondNet(DetectionNetwork):
     def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:
         """At most `preset.max_detections` in each; points that are not finite are ignored."""
         voxels = voxelise(clouds, self.preset)
-        predictions = self(voxels)
-        empty = torch.bincount(voxels.sites.bzyx()[0], minlength=len(clouds)) == 0
+        return self.decoded(self(voxels), voxels)
+
+    def decoded(self, predictions: Predictions, voxels: Voxels) -> list[Detections]:
+        """The objects in each cloud of a batch; none in a cloud without a point in range."""
+        count = voxels.sites.batch_size
+        held = torch.bincount(voxels.sites.bzyx()[0][voxels.holds_points], minlength=count).tolist()
         none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
         grid = self.anchor_grid()
-        return [none if empty[b] else decode_detections(predictions, b, grid) for b in range(len(clouds))]
+        return [decode_detections(predictions, b, grid) if held[b] else none for b in range(count)]
 
     def detector(self, provenance: Mapping[str, str]) -> Second:
         return Second(self, provenance)
@@ -99,22 +103,19 @@ class Second(NetworkDetector[SecondNet]):
         """The training loss of each cloud, see `loss`; with frozen batch norm, clouds do not affect each
         other."""
         voxels = self._voxels_of([each.points for each in inputs], [None] * len(inputs))
-        return self._losses(voxels, inputs, None)
+        return self._losses(self.net(voxels), inputs)
 
     def occupancy_loss(
         self, points: Tensor, boxes: Tensor, labels: Tensor, probes: Tensor | None = None
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> OccupancyLoss:
         """The loss as a function of voxel occupancy, see `VoxelDetector.occupancy_loss`.
 
         With the returned occupancy it equals `loss`; with a voxel at zero, `loss` without that voxel's
         points; with a probe point's voxel at one, `loss` with the probe points there among the points.
         """
-        voxels = self._voxels(points, probes)
-        occupancy = voxels.holds_points.to(points.device, voxels.features.dtype).requires_grad_()
-        loss = self._loss(voxels, boxes, labels, occupancy.to(self.device))
-        return loss.to(points.device), occupancy, voxels.point_to_voxel.to(points.device)
+        return self.occupancy_loss_batch([LossInput(points, boxes, labels, probes)])[0]
 
-    def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[tuple[Tensor, Tensor, Tensor]]:
+    def occupancy_loss_batch(self, inputs: Sequence[LossInput]) -> list[OccupancyLoss]:
         """The results of `occupancy_loss` for each cloud."""
         voxels = self._voxels_of([each.points for each in inputs], [each.probes for each in inputs])
         # A cloud's voxels follow one another, and so do its points, with its probes behind them.
@@ -127,10 +128,9 @@ class Second(NetworkDetector[SecondNet]):
             rows.append(torch.where(row >= 0, row - first, row).to(each.points.device))
             first += count
         together = torch.cat([occupancy.to(self.device) for occupancy in occupancies])
-        return list(zip(self._losses(voxels, inputs, together), occupancies, rows, strict=True))
-
-    def _voxels(self, points: Tensor, probes: Tensor | None = None) -> Voxels:
-        return self._voxels_of([points], [probes])
+        predictions = self.net(voxels, together)
+        found = self.net.decoded(predictions, voxels)
+        return list(map(OccupancyLoss, self._losses(predictions, inputs), occupancies, rows, found))
 
     def _voxels_of(self, clouds: Sequence[Tensor], probes: Sequence[Tensor | None]) -> Voxels:
         given = [
@@ -141,13 +141,8 @@ class Second(NetworkDetector[SecondNet]):
         counts = [len(each) - len(cloud) for each, cloud in zip(given, clouds, strict=True)]
         return voxelise([each.to(self.device) for each in given], self.preset, probes=counts)
 
-    def _loss(self, voxels: Voxels, boxes: Tensor, labels: Tensor, occupancy: Tensor | None) -> Tensor:
-        grid = self.net.anchor_grid()
-        target = grid.assign(boxes.to(self.device), labels.to(self.device))
-        return losses(self.net(voxels, occupancy), [target], grid).total
-
-    def _losses(self, voxels: Voxels, inputs: Sequence[LossInput], occupancy: Tensor | None) -> list[Tensor]:
+    def _losses(self, predictions: Predictions, inputs: Sequence[LossInput]) -> list[Tensor]:
         grid = self.net.anchor_grid()
         targets = [grid.assign(each.boxes.to(self.device), each.labels.to(self.device)) for each in inputs]
-        found = losses_by_cloud(self.net(voxels, occupancy), targets, grid)
+        found = losses_by_cloud(predictions, targets, grid)
         return [loss.total.to(each.points.device) for loss, each in zip(found, inputs, strict=True)]

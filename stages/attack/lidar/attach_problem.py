@@ -101,12 +101,10 @@ class AttachProblem:
     def _occupancy_gains(self, detector: VoxelDetector, points: torch.Tensor, pool: Int64) -> Float64:
         """The gradient of the loss with respect to the occupancy of each place's voxel."""
         loss_targets, probes = self.goal.loss_targets, torch.from_numpy(self.places.points[pool])
-        loss, occupancy, row = detector.occupancy_loss(
-            points, loss_targets.boxes, loss_targets.labels, probes
-        )
-        (gradient,) = gradients_of(loss, occupancy)
+        computed = detector.occupancy_loss(points, loss_targets.boxes, loss_targets.labels, probes)
+        (gradient,) = gradients_of(computed.loss, computed.occupancy)
         of_row = np.nan_to_num(self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        mine = row.cpu().numpy()[len(points) :]
+        mine = computed.rows.cpu().numpy()[len(points) :]
         return np.where(mine >= 0, of_row[mine], 0.0)
 
     def _copy_gains(self, points: torch.Tensor, pool: Int64) -> Float64:

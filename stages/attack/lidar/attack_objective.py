@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.detector.protocol import ObjectDetector
+from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 from advpipe.stages.attack.lidar.goal import AttackGoal
-from advpipe.stages.attack.lidar.per_object_best import cloud_of
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -37,11 +37,11 @@ class AttackObjective:
     @staticmethod
     def of(goal: AttackGoal, detector: ObjectDetector, clean: Float32) -> AttackObjective:
         """The objective for attacks on these clean points (N, 4)."""
-        return AttackObjective(goal, detector, goal.success(detector.detect(cloud_of(clean))))
+        return AttackObjective(goal, detector, goal.success(detector.detect(cloud_of_xyzi(clean))))
 
     def __call__(self, points: Float32) -> Float64:
         """The objective (M,) of each object of the goal for these points (K, 4)."""
-        success, was = self.goal.success(self.detector.detect(cloud_of(points))), self.clean_success
+        success, was = self.goal.success(self.detector.detect(cloud_of_xyzi(points))), self.clean_success
         if self.goal.aim == "create":
             return success
         partial = SCORE_LOSS_SHARE * np.clip((success - was) / np.maximum(-was, 1e-9), 0, 1)

@@ -18,9 +18,11 @@ from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
 from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import find_crossings
+from advpipe.stages.attack.lidar.focus import Focus
 from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.per_object_best import jittered
+from advpipe.stages.attack.lidar.search import Candidate
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -69,17 +71,19 @@ class CrossingSearch:
         detector: VoxelDetector,
         rules: Rules,
         owner: Int64,
+        focus: Focus,
         reach_m: float,
         settings: CrossingSettings,
         rng: np.random.Generator,
     ) -> None:
         """rules: which points may move. owner: (N,) the object that each point belongs to; points with -1
-        stay. reach_m: how far a point may move."""
+        stay. focus: the part of the points that is looked at. reach_m: how far a point may move."""
         self.points, self.goal, self.detector, self.rules = points, goal, detector, rules
-        self.settings, self.rng = settings, rng
+        self.focus, self.settings, self.rng = focus, settings, rng
         self.grid = detector.voxel_grid
         keys = self.grid.keys(self.grid.cells(points))
         self.movable = np.flatnonzero((owner >= 0) & (keys >= 0) & rules.allowed)
+        self.owner = owner[self.movable]
         constraints = rules.constraints
         self.options = find_crossings(
             points[self.movable, :3],
@@ -102,27 +106,32 @@ class CrossingSearch:
         self.choice = self.options.home.copy()
         self.kept = self.choice.copy()
 
-    def candidates(self, rounds: int) -> Iterator[Float32]:
-        """The points (N, 4) after each gradient."""
+    def candidates(self, rounds: int) -> Iterator[Candidate]:
+        """The points (N, 4) of each gradient, the clean ones first, and those after each cycle."""
         settings = self.settings
         cycle = min(settings.rounds_per_cycle, rounds)
         for number in range(rounds):
             phase = number % cycle
-            if phase == 0:
+            if number and phase == 0:
+                yield Candidate(self.placed(self.choice))
                 self.choice = self.kept.copy()
+            if not self.focus.is_open.any():
+                return
             standing = np.bincount(self.options.cell[self.choice], minlength=len(self.gain))
             count = self.fixed_count + standing  # points in each voxel
             toward_decoys = settings.decoy_gradients and self.goal.sign > 0 and number % 2 == 1
-            self._update_gains(self.choice, count, toward_decoys)
+            yield self._evaluated(count, toward_decoys)
             first, last = settings.first_probability, settings.last_probability
             probability = first + (last - first) * phase / max(1, cycle - 1)
             self.choice = self._cross(self.choice, count, probability)
-            yield self.placed(self.choice)
+        yield Candidate(self.placed(self.choice))
 
     def accept(self, better: Bool) -> None:
         """Start the next cycle from the best choice of each point."""
         better = better[self.movable]
         self.kept[better] = self.choice[better]
+        done = ~self.focus.is_open[self.owner]
+        self.choice[done] = self.kept[done]
 
     def placed(self, choice: Int64) -> Float32:
         """The points (N, 4) with the movable ones at their chosen options (P,)."""
@@ -131,32 +140,36 @@ class CrossingSearch:
         moved[self.movable, 3] = self.intensity
         return moved
 
-    def _update_gains(self, choice: Int64, count: Int64, toward_decoys: bool) -> None:
-        """Update the gain of each voxel in reach by one backward pass."""
-        points = jittered(self.placed(choice), self.settings.jitter_m, self.rng)
-        empty = np.flatnonzero(count == 0)
-        probe_option = self.probe_option[empty]
+    def _evaluated(self, count: Int64, toward_decoys: bool) -> Candidate:
+        """The current points, and the gain of each voxel near the open objects, by one pass."""
+        placed, shown = self.placed(self.choice), self.focus.shown
+        points = jittered(placed[shown], self.settings.jitter_m, self.rng)
+        can_enter = self.focus.is_open[self.owner[self.options.point[self.probe_option]]]
+        probe_option = self.probe_option[(count == 0) & can_enter]
         probes = self.points[self.movable[self.options.point[probe_option]]]
         probes[:, :3] = move_within(probes[:, :3], self.options.offset_m[probe_option])
         loss_targets, sign = (
             (self.goal.decoys, -1.0) if toward_decoys else (self.goal.loss_targets, self.goal.sign)
         )
         leaf = torch.from_numpy(points).requires_grad_()
-        loss, occupancy, rows = self.detector.occupancy_loss(
+        computed = self.detector.occupancy_loss(
             leaf, loss_targets.boxes, loss_targets.labels, torch.from_numpy(probes)
         )
         if self.rules.constraints.intensity:
-            gradient, to_points = gradients_of(loss, occupancy, leaf)
-            self._step_intensity(sign * to_points[self.movable, 3].cpu().double().numpy())
+            gradient, to_points = gradients_of(computed.loss, computed.occupancy, leaf)
+            of_cloud = np.zeros(len(self.points))
+            of_cloud[shown] = sign * to_points[:, 3].cpu().double().numpy()
+            self._step_intensity(of_cloud[self.movable])
         else:
-            (gradient,) = gradients_of(loss, occupancy)
+            (gradient,) = gradients_of(computed.loss, computed.occupancy)
+        candidate = Candidate(placed, computed.found)
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
         if not worth.any() and (toward_decoys or self.has_gain.any()):
-            return  # no gradient for decoys, or no more gradient: keep the earlier gains
+            return candidate  # no gradient for decoys, or no more gradient: keep the earlier gains
         if not worth.any():
             raise NoGradientError
         worth *= sign / np.abs(worth).mean()  # the scales of losses differ
-        row = rows.cpu().numpy()
+        row = computed.rows.cpu().numpy()
         read = row >= 0
         key = self.grid.keys(self.grid.cells(np.concatenate([points, probes])[read]))
         key, first = np.unique(key, return_index=True)
@@ -165,6 +178,7 @@ class CrossingSearch:
         memory = np.where(self.has_gain[cell], self.settings.momentum, 0.0)
         self.gain[cell] = memory * self.gain[cell] + (1 - memory) * new
         self.has_gain[cell] = True
+        return candidate
 
     def _step_intensity(self, rises: Float64) -> None:
         """Step the intensities (P,) within the range of the clean cloud."""
@@ -187,6 +201,8 @@ class CrossingSearch:
         best = order[np.searchsorted(options.point[order], np.arange(len(choice)))]
         single = np.where(np.isfinite(worth[best]), worth[best], -np.inf) + leave[here]
         taken = (single > 0) & (self.rng.random(len(choice)) < probability)
+        is_open = self.focus.is_open[self.owner]
+        taken &= is_open
         # Of several points that would enter one empty voxel, only the one with the largest gain does.
         into = options.cell[best]
         arriving = np.flatnonzero(taken & (count[into] == 0))
@@ -194,7 +210,7 @@ class CrossingSearch:
         _, first = np.unique(into[arriving], return_index=True)
         taken[np.delete(arriving, first)] = False
         if self.settings.groups:
-            taken |= self._groups(choice, best, worth, count, taken, probability)
+            taken |= is_open & self._groups(choice, best, worth, count, probability)
         after = np.where(taken, best, choice)
         if self.rules.constraints.max_points is not None:  # undo the moves with the smallest gains
             worth_of_points = np.zeros(len(self.points))
@@ -204,9 +220,7 @@ class CrossingSearch:
             after = np.where(self.rules.limit(worth_of_points)[self.movable], after, options.home)
         return after
 
-    def _groups(
-        self, choice: Int64, best: Int64, worth: Float64, count: Int64, taken: Bool, probability: float
-    ) -> Bool:
+    def _groups(self, choice: Int64, best: Int64, worth: Float64, count: Int64, probability: float) -> Bool:
         """Which points (P,) leave their voxel together to empty it."""
         options = self.options
         here = options.cell[choice]

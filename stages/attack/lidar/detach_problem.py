@@ -70,10 +70,10 @@ class DetachProblem:
         loss_targets = self.goal.loss_targets
         if not isinstance(self.detector, VoxelDetector):
             return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
-        loss, occupancy, voxel = self.detector.occupancy_loss(points, loss_targets.boxes, loss_targets.labels)
-        (gradient,) = gradients_of(loss, occupancy)
+        computed = self.detector.occupancy_loss(points, loss_targets.boxes, loss_targets.labels)
+        (gradient,) = gradients_of(computed.loss, computed.occupancy)
         of_voxel = np.nan_to_num(-self.goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        row = voxel.cpu().numpy()
+        row = computed.rows.cpu().numpy()
         count = np.bincount(row[row >= 0], minlength=len(of_voxel))
         gain = np.where(row >= 0, (of_voxel / np.maximum(count, 1))[row], 0.0)
         if not gain.any():

@@ -24,6 +24,7 @@ from advpipe.stages.attack.lidar.targets import AttackTargets, find_targets
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
 
 FALSE_WEIGHT = 0.3
 """The weight of a false detection near an object: it costs precision, not recall."""
@@ -91,6 +92,14 @@ class AttackGoal:
             on_objects = FALSE_WEIGHT * false - kept
         return np.concatenate([on_objects, seen_decoys])
 
+    def is_done(self, success: Float64) -> Bool:
+        """Which objects and decoys (M + D,) need nothing more: objects that are lost. A ghost object and a
+        false detection can always become more certain."""
+        done: Bool = np.zeros(len(success), bool)
+        if self.aim != "create":
+            done[: len(self.targets)] = success[: len(self.targets)] >= 0
+        return done
+
 
 def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
     """The goal under these constraints; without objects and with a note if there is nothing to attack.
@@ -118,11 +127,11 @@ def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, bo
     return AttackGoal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 
-def with_decoys(goal: AttackGoal, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
-    """The goal with the detector's false detections in the clean cloud as decoys; only for "break"."""
+def with_decoys(goal: AttackGoal, found: Detections, boxes: Boxes) -> AttackGoal:
+    """The goal with the false detections among those `found` in the clean cloud as decoys; only for
+    "break"."""
     if goal.aim != "break":
         return goal
-    found = detector.detect(cloud)
     away = iou_bev(found.boxes, boxes.geometry).max(axis=1, initial=0.0) <= 0
     places = torch.from_numpy(found.boxes[away].astype(np.float32))
     return replace(goal, decoys=AttackTargets(places, torch.from_numpy(found.labels[away])))

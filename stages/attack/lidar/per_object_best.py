@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
+from advpipe.pipeline.messages.cloud import cloud_of_xyzi
+from advpipe.stages.attack.lidar.focus import Focus
 from advpipe.stages.attack.lidar.goal import AttackGoal
 
 Float32 = npt.NDArray[np.float32]
@@ -17,8 +18,12 @@ Bool = npt.NDArray[np.bool_]
 class PerObjectBest:
     """Evaluates candidates for one cloud and keeps the most successful points of each object.
 
-    owner: (N,) the object that each point belongs to, -1 for none. Points (N, 4) are x, y, z, intensity.
-    jitter_m: standard deviation of the noise that candidates are evaluated under; 0 for none.
+    An object that a candidate succeeds on is done: the focus closes it, and later candidates are evaluated
+    around the others alone. Only the combination is evaluated on the whole cloud.
+
+    clean: points (N, 4) x, y, z, intensity, in which the detector found `found`. owner: (N,) the object that
+    each point belongs to, -1 for none. jitter_m: standard deviation of the noise that candidates are
+    evaluated under; 0 for none.
     """
 
     def __init__(
@@ -26,35 +31,35 @@ class PerObjectBest:
         goal: AttackGoal,
         detector: ObjectDetector,
         clean: Float32,
+        found: Detections,
         owner: Int64,
+        focus: Focus,
         jitter_m: float,
         rng: np.random.Generator,
     ) -> None:
-        self._goal, self._detector, self._owner = goal, detector, owner
+        self._goal, self._detector, self._owner, self._focus = goal, detector, owner, focus
         self._jitter_m, self._rng = jitter_m, rng
-        self._together, self._success = clean.copy(), np.array(-np.inf)  # of each object
-        self._whole, self._whole_success = clean, -np.inf
-        self.update(clean)
+        self._best, self._success = clean.copy(), goal.success(found)  # of each object
+        focus.close(goal.is_done(self._success))
 
-    def update(self, candidate: Float32) -> Bool:
-        """Evaluate a candidate (N, 4); returns the points (N,) for which it is the best so far."""
-        seen = jittered(candidate, self._jitter_m, self._rng)
-        success = self._goal.success(self._detector.detect(cloud_of(seen)))
-        if success.sum() > self._whole_success + 1e-9:
-            self._whole, self._whole_success = candidate.copy(), float(success.sum())
-        better = success > self._success + 1e-9
+    def update(self, candidate: Float32, found: Detections | None = None) -> Bool:
+        """Evaluate a candidate (N, 4); returns the points (N,) for which it is the best so far.
+
+        found: what the detector finds in the points that the focus shows, where that is known."""
+        if found is None:
+            shown = jittered(candidate[self._focus.shown], self._jitter_m, self._rng)
+            found = self._detector.detect(cloud_of_xyzi(shown))
+        success = self._goal.success(found)
+        better = self._focus.is_open & (success > self._success + 1e-9)
         self._success = np.where(better, success, self._success)
         taken: Bool = (self._owner >= 0) & np.append(better, False)[self._owner]
-        self._together[taken] = candidate[taken]
+        self._best[taken] = candidate[taken]
+        self._focus.close(better & self._goal.is_done(self._success))
         return taken
 
     def combined(self) -> Float32:
-        """The best points (N, 4) for all objects together: one candidate, or the best points of several.
-
-        The combination is evaluated, too, as points from different candidates affect each other.
-        """
-        self.update(self._together)
-        return self._whole.copy()
+        """The best points (N, 4) of each object."""
+        return self._best.copy()
 
 
 def jittered(points: Float32, jitter_m: float, rng: np.random.Generator) -> Float32:
@@ -63,11 +68,3 @@ def jittered(points: Float32, jitter_m: float, rng: np.random.Generator) -> Floa
     if jitter_m:
         seen[:, :3] += rng.normal(0, jitter_m, (len(points), 3)).astype(np.float32)
     return seen
-
-
-def cloud_of(points: Float32) -> Cloud:
-    """Points (N, 4) x, y, z, intensity as a cloud, its other fields zero: no detector reads them."""
-    cloud = np.zeros(len(points), POINT_DTYPE)
-    for column, name in enumerate(("x", "y", "z", "intensity")):
-        cloud[name] = points[:, column]
-    return cloud

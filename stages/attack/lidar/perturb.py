@@ -27,13 +27,14 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
+from advpipe.stages.attack.lidar.focus import Focus
 from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
 from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
 from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
 from advpipe.stages.attack.lidar.random_search import RandomSearch
 from advpipe.stages.attack.lidar.search import Search
 from advpipe.stages.attack.lidar.selection import NoGradientError
-from advpipe.stages.attack.lidar.targets import detection_loss
+from advpipe.stages.attack.lidar.targets import look
 
 MAX_EPS_CM = 500.0
 
@@ -153,14 +154,15 @@ class Perturb(LidarAttack):
         scene = cloud[finite]
         points = xyzi(scene)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before = detection_loss(detector, scene, goal.loss_targets)
+        loss_before, found = look(detector, points, goal.loss_targets)
         if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
         is_querying = self.recipe in QUERYING
         if is_querying and self.settings.decoys:
-            goal = with_decoys(goal, detector, scene, boxes)
+            goal = with_decoys(goal, found, boxes)
         rules = Rules(self.constraints, xyz(scene), boxes)
         owner = owners(points[:, :3], goal.regions, self.settings.margin_m)
+        focus = Focus(points, goal.regions)
         everywhere, near, note, jitter_m = np.ones(len(points), bool), owner >= 0, "", 0.0
 
         # Choose the search of the recipe.
@@ -173,20 +175,23 @@ class Perturb(LidarAttack):
                 points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
             )
         elif isinstance(detector, VoxelDetector):
-            search = CrossingSearch(points, goal, detector, rules, owner, self.eps_m, self.settings, rng)
+            search = CrossingSearch(
+                points, goal, detector, rules, owner, focus, self.eps_m, self.settings, rng
+            )
             jitter_m = self.settings.jitter_m
         else:
             search = ProjectedGradientDescent(points, goal, detector, rules, near, self.eps_m, rng)
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
         selection = None
         if is_querying and self.settings.keep_best:
-            selection = PerObjectBest(goal, detector, points, owner, jitter_m, rng)
+            selection = PerObjectBest(goal, detector, points, found, owner, focus, jitter_m, rng)
 
         # Search, evaluate each candidate by the detector, and keep the best.
         moved = points
         try:
-            for moved in search.candidates(self.steps):
-                search.accept(everywhere if selection is None else selection.update(moved))
+            for candidate in search.candidates(self.steps):
+                moved = candidate.points
+                search.accept(everywhere if selection is None else selection.update(moved, candidate.found))
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         if selection is not None:
@@ -196,7 +201,7 @@ class Perturb(LidarAttack):
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]
-        loss_after = detection_loss(detector, adversarial[finite], goal.loss_targets)
+        loss_after, _ = look(detector, moved, goal.loss_targets)
         changed = np.flatnonzero((points != moved).any(axis=1))
         displacement_m = np.linalg.norm(moved[changed, :3].astype(float) - points[changed, :3], axis=1)
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)

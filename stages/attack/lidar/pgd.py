@@ -17,6 +17,7 @@ from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 from advpipe.stages.attack.lidar.crossings import ROUNDING_MARGIN
 from advpipe.stages.attack.lidar.goal import AttackGoal
 from advpipe.stages.attack.lidar.gradient import gradients_of
+from advpipe.stages.attack.lidar.search import Candidate
 from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
@@ -46,7 +47,7 @@ class ProjectedGradientDescent:
     rng: np.random.Generator
     weight: float = 0.0
 
-    def candidates(self, steps: int) -> Iterator[Float32]:
+    def candidates(self, steps: int) -> Iterator[Candidate]:
         """Each iterate; fewer if the gradient vanishes."""
         points, rules, reach_m = self.points, self.rules, self.reach_m
         start = torch.from_numpy(points)
@@ -68,7 +69,7 @@ class ProjectedGradientDescent:
             length = total.norm(dim=1, keepdim=True)
             unit = total / length.clamp(min=1e-30)
             offset = _permitted(project(offset - STEP_FRACTION * reach_m * unit, reach_m), rules, allowed)
-            yield displaced(points, offset.numpy(), reach_m)
+            yield Candidate(displaced(points, offset.numpy(), reach_m))
 
     def accept(self, better: Bool) -> None:
         """Ignored: PGD continues from its latest iterate."""

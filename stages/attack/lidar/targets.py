@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.protocol import ObjectDetector
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
-from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.messages.cloud import Cloud, cloud_of_xyzi, xyz, xyzi
+
+Float32 = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,22 @@ def find_targets(detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Attack
         torch.from_numpy(boxes.geometry[wanted].astype(np.float32)),
         torch.from_numpy(labels[wanted].astype(np.int64)),
     )
+
+
+def look(detector: ObjectDetector, points: Float32, targets: AttackTargets) -> tuple[float, Detections]:
+    """The detector's loss on points (N, 4), all finite, without a unit, NaN without targets; and what it
+    detects in them, in the same pass if it is a `VoxelDetector` that can."""
+    given = torch.from_numpy(points)
+    if len(targets) and isinstance(detector, VoxelDetector):
+        with torch.no_grad():
+            computed = detector.occupancy_loss(given, targets.boxes, targets.labels)
+        if computed.found is not None:
+            return float(computed.loss), computed.found
+    loss = float("nan")
+    if len(targets):
+        with torch.no_grad():
+            loss = float(detector.loss(given, targets.boxes, targets.labels))
+    return loss, detector.detect(cloud_of_xyzi(points))
 
 
 def detection_loss(detector: ObjectDetector, cloud: Cloud, targets: AttackTargets) -> float:
