@@ -67,7 +67,7 @@ class SecondNet(DetectionNetwork):
     def decoded(self, predictions: Predictions, voxels: Voxels) -> list[Detections]:
         """The objects in each cloud of a batch; none in a cloud without a point in range."""
         count = voxels.sites.batch_size
-        held = torch.bincount(voxels.sites.bzyx()[0][voxels.holds_points], minlength=count).tolist()
+        held = torch.bincount(voxels.sites.bzyx()[0][voxels.holds_points], minlength=count).cpu().tolist()
         none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
         grid = self.anchor_grid()
         return [decode_detections(predictions, b, grid) if held[b] else none for b in range(count)]
@@ -119,7 +119,7 @@ class Second(NetworkDetector[SecondNet]):
         """The results of `occupancy_loss` for each cloud."""
         voxels = self._voxels_of([each.points for each in inputs], [each.probes for each in inputs])
         # A cloud's voxels follow one another, and so do its points, with its probes behind them.
-        counts = torch.bincount(voxels.sites.bzyx()[0], minlength=len(inputs)).tolist()
+        counts = torch.bincount(voxels.sites.bzyx()[0], minlength=len(inputs)).cpu().tolist()
         sizes = [sum(len(part) for part in (each.points, each.probes) if part is not None) for each in inputs]
         first, rows, occupancies = 0, [], []
         for each, count, row in zip(inputs, counts, torch.split(voxels.point_to_voxel, sizes), strict=True):

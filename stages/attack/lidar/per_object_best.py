@@ -40,7 +40,9 @@ class PerObjectBest:
         self._goal, self._detector, self._owner, self._focus = goal, detector, owner, focus
         self._jitter_m, self._rng = jitter_m, rng
         self._best, self._success = clean.copy(), goal.success(found)  # of each object
-        focus.close(goal.is_done(self._success))
+        done = goal.is_done(self._success)
+        if not done.all():  # else nothing is found: follow the gradient everywhere
+            focus.close(done)
 
     def update(self, candidate: Float32, found: Detections | None = None) -> Bool:
         """Evaluate a candidate (N, 4); returns the points (N,) for which it is the best so far.

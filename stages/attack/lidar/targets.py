@@ -52,13 +52,14 @@ def look(detector: ObjectDetector, points: Float32, targets: AttackTargets) -> t
     if len(targets) and isinstance(detector, VoxelDetector):
         with torch.no_grad():
             computed = detector.occupancy_loss(given, targets.boxes, targets.labels)
-        if computed.found is not None:
-            return float(computed.loss), computed.found
-    loss = float("nan")
-    if len(targets):
+        loss, found = float(computed.loss), computed.found
+    else:
         with torch.no_grad():
-            loss = float(detector.loss(given, targets.boxes, targets.labels))
-    return loss, detector.detect(cloud_of_xyzi(points))
+            loss = (
+                float(detector.loss(given, targets.boxes, targets.labels)) if len(targets) else float("nan")
+            )
+        found = None
+    return loss, detector.detect(cloud_of_xyzi(points)) if found is None else found
 
 
 def detection_loss(detector: ObjectDetector, cloud: Cloud, targets: AttackTargets) -> float:

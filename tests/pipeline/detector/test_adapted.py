@@ -167,7 +167,8 @@ def test_a_voxel_detectors_grid_finds_the_voxels_of_recorded_points(frame: Detec
     points = torch.from_numpy(np.column_stack([xyz(cloud), cloud["intensity"]]).astype(np.float32))
     probes = points[:50] + torch.tensor([0.0, 0.0, 0.3, 0.0])
     box, label = torch.from_numpy(BOX.astype(np.float32)), torch.zeros(1).long()
-    loss, occupancy, rows = placed.occupancy_loss(points, box, label, probes)
+    computed = placed.occupancy_loss(points, box, label, probes)
+    loss, occupancy, rows = computed.loss, computed.occupancy, computed.rows
     grid = placed.voxel_grid
     keys = grid.keys(grid.cells(torch.cat([points, probes]).numpy()))
     assert ((keys >= 0) == (rows.numpy() >= 0)).all()

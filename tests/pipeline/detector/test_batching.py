@@ -79,7 +79,8 @@ def asks_everything(number: int):
         with torch.no_grad():
             still = detector.loss(leaf, BOXES, LABELS)
         assert not still.requires_grad
-        of_occupancy, occupancy, rows = detector.occupancy_loss(leaf, BOXES, LABELS, probes)
+        computed = detector.occupancy_loss(leaf, BOXES, LABELS, probes)
+        of_occupancy, occupancy, rows = computed.loss, computed.occupancy, computed.rows
         assert occupancy.is_leaf
         assert occupancy.requires_grad
         gradients = torch.autograd.grad(of_occupancy, [occupancy, leaf])

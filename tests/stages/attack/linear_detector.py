@@ -8,7 +8,7 @@ import signal
 import numpy as np
 import torch
 
-from advpipe.pipeline.detector.protocol import Detections, Range, VoxelGrid
+from advpipe.pipeline.detector.protocol import Detections, OccupancyLoss, Range, VoxelGrid
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyzi
 
 BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
@@ -55,7 +55,7 @@ class LinearVoxelDetector:
         scores, occupancy, voxel = self._scores(
             points, boxes, torch.zeros(0, 4) if probes is None else probes
         )
-        return -scores.sum(), occupancy, voxel
+        return OccupancyLoss(-scores.sum(), occupancy, voxel)
 
     def detect(self, cloud):
         boxes = torch.as_tensor(self.anchors, dtype=torch.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -58,17 +59,16 @@ def test_losses_and_gradients_equal_those_of_single_clouds(double: Second, scene
 def test_occupancies_with_probe_points_equal_those_of_single_clouds(double: Second, scene) -> None:
     batch, alone = leaves_of(inputs_of(scene)), leaves_of(inputs_of(scene))
     found = double.occupancy_loss_batch(batch)
-    leaves = [leaf for each, (_, held, _) in zip(batch, found, strict=True) for leaf in (each.points, held)]
-    gradients = iter(torch.autograd.grad([loss for loss, _, _ in found], leaves))
-    for each, (loss, held, rows) in zip(alone, found, strict=True):
-        wanted, wanted_held, wanted_rows = double.occupancy_loss(
-            each.points, each.boxes, each.labels, each.probes
-        )
-        assert held.is_leaf
-        torch.testing.assert_close(loss, wanted, **CLOSE)
-        assert torch.equal(held, wanted_held)
-        assert torch.equal(rows, wanted_rows)
-        for gradient in torch.autograd.grad(wanted, [each.points, wanted_held]):
+    leaves = [leaf for each, one in zip(batch, found, strict=True) for leaf in (each.points, one.occupancy)]
+    gradients = iter(torch.autograd.grad([one.loss for one in found], leaves))
+    for each, one in zip(alone, found, strict=True):
+        wanted = double.occupancy_loss(each.points, each.boxes, each.labels, each.probes)
+        assert one.occupancy.is_leaf
+        torch.testing.assert_close(one.loss, wanted.loss, **CLOSE)
+        assert torch.equal(one.occupancy, wanted.occupancy)
+        assert torch.equal(one.rows, wanted.rows)
+        np.testing.assert_allclose(one.found.boxes, double.detect_batch([each.points])[0].boxes, atol=1e-9)
+        for gradient in torch.autograd.grad(wanted.loss, [each.points, wanted.occupancy]):
             torch.testing.assert_close(next(gradients), gradient, **CLOSE)
 
 

@@ -50,7 +50,8 @@ def all_of_it(detector: Second, points, boxes, labels) -> list[torch.Tensor]:
     leaf, probes = points.clone().requires_grad_(), points[:40] + points.new_tensor([0.0, 0.0, 0.5, 0.0])
     loss = detector.loss(leaf, boxes, labels)
     (to_points,) = torch.autograd.grad(loss, leaf)
-    of_occupancy, occupancy, row = detector.occupancy_loss(leaf, boxes, labels, probes)
+    computed = detector.occupancy_loss(leaf, boxes, labels, probes)
+    of_occupancy, occupancy, row = computed.loss, computed.occupancy, computed.rows
     gradients = torch.autograd.grad(of_occupancy, [occupancy, leaf])
     found = detector.detect(cloud_of(points))
     assert len(found)

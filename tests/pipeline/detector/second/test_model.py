@@ -9,11 +9,20 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.protocol import Range, VoxelDetector
+from advpipe.pipeline.detector.protocol import LossInput, Range, VoxelDetector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI, SMALL
 from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
+
+
+def voxels_of(detector, points, probes=None):
+    return detector._voxels_of([points], [probes])
+
+
+def loss_of(detector, voxels, boxes, labels, occupancy):
+    (loss,) = detector._losses(detector.net(voxels, occupancy), [LossInput(voxels.features, boxes, labels)])
+    return loss
 
 
 def cloud_of(points: torch.Tensor) -> np.ndarray:
@@ -76,7 +85,8 @@ def test_gradient_steps_lower_the_loss(tiny, scene):
 
 
 def test_full_occupancy_gives_the_plain_loss(tiny, scene):
-    loss, occupancy, point_to_voxel = tiny.occupancy_loss(*scene)
+    computed = tiny.occupancy_loss(*scene)
+    loss, occupancy, point_to_voxel = computed.loss, computed.occupancy, computed.rows
     assert occupancy.is_leaf
     assert (occupancy == 1).all()
     assert len(point_to_voxel) == len(scene[0])
@@ -89,13 +99,13 @@ def test_full_occupancy_gives_the_plain_loss(tiny, scene):
 
 def test_zero_occupancy_equals_removing_the_points(tiny, scene):
     points, boxes, labels = scene
-    voxels = tiny._voxels(points)
+    voxels = voxels_of(tiny, points)
     count = len(voxels.sites)
     torch.manual_seed(1)
     for removed in (torch.randperm(count)[:1], torch.randperm(count)[: count // 3], torch.arange(count - 5)):
         occupancy = torch.ones(count)
         occupancy[removed] = 0
-        masked = tiny._loss(voxels, boxes, labels, occupancy)
+        masked = loss_of(tiny, voxels, boxes, labels, occupancy)
         reduced = points[occupancy[voxels.point_to_voxel] == 1]
         assert float(masked) == pytest.approx(float(tiny.loss(reduced, boxes, labels)), rel=1e-4)
 
@@ -103,15 +113,14 @@ def test_zero_occupancy_equals_removing_the_points(tiny, scene):
 def test_occupancy_gradient_matches_finite_differences(tiny, scene, still_iou):
     tiny.net.double()
     points, boxes, labels = scene[0].double(), scene[1].double(), scene[2]
-    voxels = tiny._voxels(points)
+    voxels = voxels_of(tiny, points)
     torch.manual_seed(2)
     occupancy = (0.5 + 0.5 * torch.rand(len(voxels.sites), dtype=torch.float64)).requires_grad_()
-    (gradient,) = torch.autograd.grad(tiny._loss(voxels, boxes, labels, occupancy), occupancy)
+    (gradient,) = torch.autograd.grad(loss_of(tiny, voxels, boxes, labels, occupancy), occupancy)
     step = torch.randn_like(occupancy) * 1e-7
     with torch.no_grad():
-        change = tiny._loss(voxels, boxes, labels, occupancy + step) - tiny._loss(
-            voxels, boxes, labels, occupancy - step
-        )
+        raised = loss_of(tiny, voxels, boxes, labels, occupancy + step)
+        change = raised - loss_of(tiny, voxels, boxes, labels, occupancy - step)
     assert float(change) == pytest.approx(float(2 * (gradient * step).sum()), rel=1e-3)
 
 
@@ -143,7 +152,8 @@ def test_probe_points_have_no_effect_at_zero_and_are_points_at_one(request, scen
     points, boxes, labels = scene
     labels = labels.clamp(max=len(detector.classes) - 1)
     probes = probes_of(detector, points)
-    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, probes)
+    computed = detector.occupancy_loss(points, boxes, labels, probes)
+    loss, occupancy, row_of = computed.loss, computed.occupancy, computed.rows
     assert occupancy.is_leaf
     rows = row_of[len(points) :].unique()
     read = rows[rows >= 0]
@@ -153,18 +163,19 @@ def test_probe_points_have_no_effect_at_zero_and_are_points_at_one(request, scen
     assert float(loss.detach()) == pytest.approx(float(detector.loss(points, boxes, labels)), rel=1e-5)
     (gradient,) = torch.autograd.grad(loss, occupancy)
     assert (gradient[read] != 0).float().mean() > 0.9
-    voxels = detector._voxels(points, probes)
+    voxels = voxels_of(detector, points, probes)
     for raised in (read[:1], read):
         filled = occupancy.detach().clone()
         filled[raised] = 1
         really = torch.cat([points, probes[torch.isin(row_of[len(points) :], raised)]])
         expected = float(detector.loss(really, boxes, labels))
-        assert float(detector._loss(voxels, boxes, labels, filled)) == pytest.approx(expected, rel=1e-5)
+        assert float(loss_of(detector, voxels, boxes, labels, filled)) == pytest.approx(expected, rel=1e-5)
 
 
 def test_kitti_ignores_probe_points_beyond_its_voxels(kitti, scene):
     probes = probes_of(kitti, scene[0], 400)
-    _, occupancy, row_of = kitti.occupancy_loss(scene[0], scene[1], scene[2].clamp(max=2), probes)
+    computed = kitti.occupancy_loss(scene[0], scene[1], scene[2].clamp(max=2), probes)
+    occupancy, row_of = computed.occupancy, computed.rows
     assert len(occupancy) == kitti.preset.max_voxels
     assert (row_of[: len(scene[0])] >= 0).all()
     assert (row_of[len(scene[0]) :] < 0).any()
@@ -177,13 +188,14 @@ def test_gradient_to_probe_points_matches_finite_differences(request, scene, sti
     points, boxes = scene[0].double().requires_grad_(), scene[1].double()
     labels = scene[2].clamp(max=len(detector.classes) - 1)
     probes = probes_of(detector, scene[0]).double()
-    loss, occupancy, row_of = detector.occupancy_loss(points, boxes, labels, probes)
+    computed = detector.occupancy_loss(points, boxes, labels, probes)
+    loss, occupancy, row_of = computed.loss, computed.occupancy, computed.rows
     to_points, to_occupancy = torch.autograd.grad(loss, [points, occupancy])
-    voxels = detector._voxels(points.detach(), probes)
+    voxels = voxels_of(detector, points.detach(), probes)
     for row in row_of[len(points) :].unique()[-3:]:
         raised = occupancy.detach().clone()
         raised[row] = 1e-7  # between the kinks of the ReLUs
-        change = detector._loss(voxels, boxes, labels, raised) - loss.detach()
+        change = loss_of(detector, voxels, boxes, labels, raised) - loss.detach()
         assert float(change) == pytest.approx(float(to_occupancy[row]) * 1e-7, rel=1e-2)
     (plain,) = torch.autograd.grad(detector.loss(points, boxes, labels), points)
     torch.testing.assert_close(to_points, plain, rtol=1e-9, atol=1e-15)
@@ -191,17 +203,16 @@ def test_gradient_to_probe_points_matches_finite_differences(request, scene, sti
 
 def test_probe_points_in_occupied_voxels_and_out_of_range_change_nothing(tiny, scene):
     probes = torch.cat([scene[0][:50], torch.tensor([[50.0, 0.0, 0.0, 0.0]])])
-    plain_loss, plain, plain_rows = tiny.occupancy_loss(*scene)
-    loss, occupancy, rows = tiny.occupancy_loss(*scene, probes)
-    assert torch.equal(occupancy, plain)
-    assert float(loss.detach()) == float(plain_loss.detach())
-    assert rows.tolist() == [*plain_rows.tolist(), *plain_rows[:50].tolist(), -1]
+    plain, probed = tiny.occupancy_loss(*scene), tiny.occupancy_loss(*scene, probes)
+    assert torch.equal(probed.occupancy, plain.occupancy)
+    assert float(probed.loss.detach()) == float(plain.loss.detach())
+    assert probed.rows.tolist() == [*plain.rows.tolist(), *plain.rows[:50].tolist(), -1]
 
 
 def test_the_voxel_grid_equals_the_networks_voxels(tiny, scene):
     grid = tiny.voxel_grid
     keys = grid.keys(grid.cells(scene[0].numpy()))
-    rows = tiny.occupancy_loss(*scene)[2].numpy()
+    rows = tiny.occupancy_loss(*scene).rows.numpy()
     assert len(np.unique(keys)) == len(np.unique(rows)) == len(np.unique(np.stack([keys, rows]), axis=1).T)
     assert grid.cells(np.array([[-6.4, -6.4, -3.0], [-6.41, 0, 0], [np.nan, 0, 0]], np.float32)).tolist() == [
         [0, 0, 0],
@@ -224,7 +235,8 @@ def test_nearly_empty_clouds_are_processed(tiny, scene, points):
     if len(points) != 1:
         assert len(tiny.detect(cloud_of(points))) == 0
         assert not gradient.any()
-    loss, occupancy, point_to_voxel = tiny.occupancy_loss(points, *scene[1:])
+    computed = tiny.occupancy_loss(points, *scene[1:])
+    loss, occupancy, point_to_voxel = computed.loss, computed.occupancy, computed.rows
     assert len(occupancy) == (len(points) == 1)
     assert len(point_to_voxel) == len(points)
     loss.backward()

@@ -9,6 +9,7 @@ from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.protocol import OccupancyLoss
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.attack.lidar.detach import RECIPES, Detach
@@ -134,10 +135,11 @@ class WithBackground(LinearVoxelDetector):
         probes = torch.zeros(0, 4) if probes is None else probes
         scores, occupancy, voxel = self._scores(points, anchors, probes)
         is_target = (anchors[:, None] == boxes[None]).all(2).any(1)
-        return torch.where(is_target, -scores, scores).sum(), occupancy, voxel
+        loss = torch.where(is_target, -scores, scores).sum()
+        return OccupancyLoss(loss, occupancy, voxel)
 
     def loss(self, points, boxes, labels):
-        return self.occupancy_loss(points, boxes, labels)[0]
+        return self.occupancy_loss(points, boxes, labels).loss
 
 
 def two_cars(make_cloud, make_boxes):

@@ -9,7 +9,7 @@ from cloud_moves import rng
 from linear_detector import BOX, LinearVoxelDetector
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.detector.protocol import Detections, OccupancyLoss
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
 from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
@@ -21,7 +21,7 @@ def test_decoys_are_what_the_detector_finds_beside_the_truth(scene, make_boxes):
     cloud, boxes, detector = scene
     detector.anchors = np.array([BOX, [1.0, 1.0, 1.0, 1.5, 1.5, 1.5, 0.0]])  # the second stands in free space
     plain_goal = goal_of(Constraints(), detector, cloud, boxes)
-    goal = with_decoys(plain_goal, detector, cloud, boxes)
+    goal = with_decoys(plain_goal, detector.detect(cloud), boxes)
     assert goal.regions.tolist() == detector.anchors.tolist()
     clean = goal.success(detector.detect(cloud))
     assert clean.tolist() == [-1.0, pytest.approx(FALSE_WEIGHT)]  # scores are cut off at 1
@@ -53,10 +53,11 @@ class Contrasting(LinearVoxelDetector):
         probes = torch.zeros(0, 4) if probes is None else probes
         scores, occupancy, voxel = self._scores(points, places, probes)
         loss_targets = (places[:, None] == boxes[None]).all(2).any(1)
-        return torch.where(loss_targets, -scores, scores).sum(), occupancy, voxel
+        loss = torch.where(loss_targets, -scores, scores).sum()
+        return OccupancyLoss(loss, occupancy, voxel)
 
     def loss(self, points, boxes, labels):
-        return self.occupancy_loss(points, boxes, labels)[0]
+        return self.occupancy_loss(points, boxes, labels).loss
 
 
 def test_one_object_is_hidden_and_the_others_left_alone(make_cloud, make_boxes):
@@ -92,7 +93,7 @@ def test_every_other_gradient_is_that_of_a_false_loss(scene, monkeypatch):
 
     monkeypatch.setattr(LinearVoxelDetector, "occupancy_loss", watched)
     Perturb(eps_cm=10, steps=4)(*scene, rng())
-    assert loss_targets == [1, 0, 1, 0]
+    assert loss_targets == [1, *(1, 0, 1, 0), 1]  # before, rounds, after
 
 
 def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):

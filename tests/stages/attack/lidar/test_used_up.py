@@ -7,6 +7,7 @@ import pytest
 import torch
 from linear_detector import BOX, LinearVoxelDetector
 
+from advpipe.pipeline.detector.protocol import OccupancyLoss
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import Perturb
 
@@ -26,7 +27,7 @@ class Hinge(LinearVoxelDetector):
     def occupancy_loss(self, points, boxes, labels, probes=None):
         none = torch.zeros(0, 4)
         scores, occupancy, row = self._scores(points, boxes, none if probes is None else probes)
-        return self._hinged(scores), occupancy, row
+        return OccupancyLoss(self._hinged(scores), occupancy, row)
 
 
 @pytest.fixture
