@@ -17,15 +17,9 @@ from advpipe.stages.attack.request import AttackRequest
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
-_LABELS = tuple(
-    f"pipeline/labels/{name}.py"
-    for name in ("points", "cloud_change", "cloud_quantity", "quantities", "quantity")
-)
-
 LIDAR = (
     *CLOUDS,
     *_WHEN,
-    *_LABELS,
     "stages/attack/bounds.py",
     "stages/attack/cloud_attack.py",
     "stages/attack/lidar",

@@ -50,11 +50,6 @@ def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
-def join_notes(*notes: str) -> str:
-    """Several notes on a frame as one; empty ones are left out."""
-    return "; ".join(filter(None, notes))
-
-
 @dataclass(frozen=True, kw_only=True)
 class PublishedFigure:
     """The paper's mAP ratio and Chamfer distance at one budget, as its table prints it: table_value."""

@@ -5,9 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from advpipe.pipeline.adversary.constraints import GOALS, Constraints, Rules
+from advpipe.pipeline.adversary.focus import Focus
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, owners, with_decoys
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.notes import join_notes
+from advpipe.pipeline.adversary.per_object_best import PerObjectBest
+from advpipe.pipeline.adversary.random_best import RandomBest
+from advpipe.pipeline.adversary.random_search import RandomSearch
+from advpipe.pipeline.adversary.targets import look
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import MOVED, PointLabels
 from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED
@@ -22,19 +32,13 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
-from advpipe.stages.attack.lidar.focus import Focus
-from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
-from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
 from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
-from advpipe.stages.attack.lidar.random_search import RandomSearch
 from advpipe.stages.attack.lidar.search import Search
-from advpipe.stages.attack.lidar.selection import NoGradientError
-from advpipe.stages.attack.lidar.targets import look
+
+Float32 = npt.NDArray[np.float32]
 
 MAX_EPS_CM = 500.0
 
@@ -44,8 +48,6 @@ NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
 RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
 """The default number of steps of each recipe: gradients, or random candidates."""
-
-RANDOM_RECIPES = ("random", "random-near", "random-best")
 
 SETTINGS = {
     "best": CrossingSettings(),
@@ -157,47 +159,15 @@ class Perturb(LidarAttack):
         loss_before, found = look(detector, points, goal.loss_targets)
         if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
-        is_querying = self.recipe in QUERYING
-        if is_querying and self.settings.decoys:
+        if self.recipe in QUERYING and self.settings.decoys:
             goal = with_decoys(goal, found, boxes)
-        rules = Rules(self.constraints, xyz(scene), boxes)
-        owner = owners(points[:, :3], goal.regions, self.settings.margin_m)
-        focus = Focus(points, goal.regions)
-        everywhere, near, note, jitter_m = np.ones(len(points), bool), owner >= 0, "", 0.0
-
-        # Choose the search of the recipe.
-        search: Search
-        if self.recipe in RANDOM_RECIPES:
-            mask = everywhere if self.recipe == "random" else near
-            search = RandomSearch(points, rules, mask, self.eps_m, rng)
-        elif self.recipe == "paper":
-            search = ProjectedGradientDescent(
-                points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
-            )
-        elif isinstance(detector, VoxelDetector):
-            search = CrossingSearch(
-                points, goal, detector, rules, owner, focus, self.eps_m, self.settings, rng
-            )
-            jitter_m = self.settings.jitter_m
-        else:
-            search = ProjectedGradientDescent(points, goal, detector, rules, near, self.eps_m, rng)
-            note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
-        selection = None
-        if is_querying and self.settings.keep_best:
-            selection = PerObjectBest(goal, detector, points, found, owner, focus, jitter_m, rng)
-
-        # Search, evaluate each candidate by the detector, and keep the best.
-        moved = points
         try:
-            for candidate in search.candidates(self.steps):
-                moved = candidate.points
-                search.accept(everywhere if selection is None else selection.update(moved, candidate.found))
+            moved, note = self._moved(
+                points, goal, detector, found, Rules(self.constraints, xyz(scene), boxes), rng
+            )
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
-        if selection is not None:
-            moved = selection.combined()
 
-        # Write the adversarial cloud and its labels.
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]
@@ -207,3 +177,46 @@ class Perturb(LidarAttack):
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
         note = join_notes(goal.note if len(goal.targets) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)
+
+    def _moved(
+        self,
+        points: Float32,
+        goal: AttackGoal,
+        detector: ObjectDetector,
+        found: Detections,
+        rules: Rules,
+        rng: np.random.Generator,
+    ) -> tuple[Float32, str]:
+        """The points (N, 4) where they are moved to, and a note for the user. found: in the clean points."""
+        everywhere = np.ones(len(points), bool)
+        if self.recipe == "random":
+            return next(RandomSearch(points, rules, everywhere, self.eps_m, rng).candidates(1)), ""
+        if self.recipe in ("random-near", "random-best"):
+            random = RandomBest(points, goal, detector, rules, self.query_budget, rng)
+            return random.moved(self.eps_m), ""
+        if self.recipe == "paper":
+            paper = ProjectedGradientDescent(
+                points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
+            )
+            *_, last = paper.candidates(self.steps)
+            return last.points, ""
+        owner, focus = (
+            owners(points[:, :3], goal.regions, self.settings.margin_m),
+            Focus(points, goal.regions),
+        )
+        note, jitter_m = "", 0.0
+        search: Search
+        if isinstance(detector, VoxelDetector):
+            settings, jitter_m = self.settings, self.settings.jitter_m
+            search = CrossingSearch(points, goal, detector, rules, owner, focus, self.eps_m, settings, rng)
+        else:
+            search = ProjectedGradientDescent(points, goal, detector, rules, owner >= 0, self.eps_m, rng)
+            note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
+        best = None
+        if self.settings.keep_best:
+            best = PerObjectBest(goal, detector, points, found, owner, focus, jitter_m, rng)
+        moved = points
+        for candidate in search.candidates(self.steps):
+            moved = candidate.points
+            search.accept(everywhere if best is None else best.update(moved, candidate.found))
+        return moved if best is None else best.combined(), note

@@ -8,12 +8,12 @@ import torch
 from cloud_moves import rng
 from linear_detector import BOX, LinearVoxelDetector
 
+from advpipe.pipeline.adversary.constraints import GOALS, Constraints
+from advpipe.pipeline.adversary.goal import FALSE_WEIGHT, goal_of, with_decoys
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Detections, OccupancyLoss
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints
-from advpipe.stages.attack.lidar.goal import FALSE_WEIGHT, goal_of, with_decoys
 from advpipe.stages.attack.lidar.perturb import Perturb
 
 

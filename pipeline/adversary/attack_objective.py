@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
-from advpipe.stages.attack.lidar.goal import AttackGoal
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from advpipe.pipeline.adversary.ghost_object import GhostObject
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.labels.quantities import POINTS_TOUCHED
-from advpipe.stages.attack.lidar.ghost_object import GhostObject
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

@@ -12,15 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.constraints import Constraints
+from advpipe.pipeline.adversary.notes import join_notes
+from advpipe.pipeline.adversary.targets import AttackTargets, find_targets
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
-from advpipe.stages.attack.lidar.base import join_notes
-from advpipe.stages.attack.lidar.constraints import Constraints
-from advpipe.stages.attack.lidar.targets import AttackTargets, find_targets
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]

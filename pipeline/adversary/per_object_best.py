@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.focus import Focus
+from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
-from advpipe.stages.attack.lidar.focus import Focus
-from advpipe.stages.attack.lidar.goal import AttackGoal
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.stages.attack.lidar.constraints import Rules
-from advpipe.stages.attack.lidar.pgd import displaced
-from advpipe.stages.attack.lidar.search import Candidate
+from advpipe.pipeline.adversary.constraints import Rules
+from advpipe.pipeline.adversary.displacement import displaced
 
 Float32 = npt.NDArray[np.float32]
 Bool = npt.NDArray[np.bool_]
@@ -29,7 +28,7 @@ class RandomSearch:
     reach_m: float
     rng: np.random.Generator
 
-    def candidates(self, steps: int) -> Iterator[Candidate]:
+    def candidates(self, steps: int) -> Iterator[Float32]:
         points, rules, rng = self.points, self.rules, self.rng
         for _ in range(steps):
             directions = rng.standard_normal((len(points), 3))
@@ -40,7 +39,7 @@ class RandomSearch:
             if rules.constraints.intensity:
                 drawn = rng.uniform(points[:, 3].min(), points[:, 3].max(), len(points)).astype(np.float32)
                 moved[:, 3] = np.where(chosen, drawn, points[:, 3])
-            yield Candidate(moved)
+            yield moved
 
     def accept(self, better: Bool) -> None:
         """Ignored: candidates are independent of each other."""
