@@ -19,6 +19,8 @@ from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.dataset.reports import SweepReportDocument, read_report
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
 from advpipe.pipeline.scenario import Scenario, dump_scenario
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.mistakes import mistakes_of_spec
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack
 from advpipe.stages.evaluate.provenance import REPORTING
@@ -78,13 +80,16 @@ class Campaign:
     ) -> Campaign:
         """debug: whether adversarial bags have debug topics.
 
-        Raises AdvpipeError for attacks that cannot be carried out, before the simulation.
+        Raises AdvpipeError for an attack that cannot be carried out, before the simulation;
+        `mistakes_of_attacks` finds all of them.
         """
         requests = {
             name: AttackRequest(attacks, scenario.simulation.seed, device, debug)
             for name, attacks in scenario.attacks.items()
         }
-        _check(requests, scenario)
+        for name, request in requests.items():
+            request.check()
+            request.refuse_without_v2x(name, scenario)
         return cls(scenario, requests, folder, detector, device, **options)
 
     def run(self) -> Iterator[Part]:
@@ -124,25 +129,23 @@ class Campaign:
         return Evaluated(made, report)
 
 
-def _check(requests: Mapping[str, AttackRequest], scenario: Scenario) -> None:
-    """Raises the error of the only attack that cannot be carried out, or one that lists those of several."""
-    errors: list[tuple[str, AdvpipeError]] = []
-    for name, request in requests.items():
-        try:
-            request.check()
-            request.refuse_without_v2x(name, scenario)
-        except AdvpipeError as error:
-            errors.append((name, error))
-    if len(errors) == 1:
-        raise errors[0][1]
-    if errors:
-        texts = (str(error).removeprefix(f"attacks.{name}: ") for name, error in errors)
-        each = (
-            f"({number}) attacks.{name}: {text}"
-            for number, ((name, _), text) in enumerate(zip(errors, texts, strict=True), 1)
-        )
-        kind = UsageError if all(isinstance(error, UsageError) for _, error in errors) else AdvpipeError
-        raise kind(f"{len(errors)} mistakes: {'; '.join(each)}")
+def mistakes_of_attacks(
+    attacks: Sequence[AttackSpec], scenario: Scenario | None
+) -> Iterator[tuple[int | None, str]]:
+    """What is wrong with the attacks on one bag of a scenario, as `load_scenario` asks for it."""
+    found = [(number, text) for number, spec in enumerate(attacks) for text in mistakes_of_spec(spec)]
+    yield from found
+    if found or not attacks:
+        return
+    request = AttackRequest(tuple(attacks))
+    try:
+        request.check()
+    except AdvpipeError as error:
+        yield None, str(error)
+    if scenario is not None:
+        for number, spec in enumerate(request.attacks):
+            if spec in request.of("v2x") and not scenario.v2x.enabled:
+                yield number, f"{spec.type} attacks V2X, but v2x.enabled is false"
 
 
 def has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:

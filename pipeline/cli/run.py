@@ -56,10 +56,10 @@ def run(
     from advpipe.pipeline.scenario import load_scenario
 
     with working_on("loading libraries"):
-        from advpipe.pipeline.campaigns.run import Campaign
+        from advpipe.pipeline.campaigns.run import Campaign, mistakes_of_attacks
 
     with as_usage_error():
-        loaded = load_scenario(scenario, settings or ())
+        loaded = load_scenario(scenario, settings or (), mistakes_of_attacks)
         folder = out or working_path("datasets") / loaded.name
         campaign = Campaign.of(
             loaded, folder, detector, device, debug=debug, workers=workers, overwrite=overwrite
