@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line
+from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line, typed
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.progress import with_progress
 
@@ -50,7 +51,23 @@ def export(
     options = ExportOptions(lidar, FrameSlice.parse(frames))
     summary = export_bags(bag, format, target, options, overwrite=overwrite)
     shown = str(summary).removeprefix(f"{summary.folder}: ")
-    return Answer(summary.to_dicts()[0], print_line(shown), made={"folder": target})
+    return Answer(
+        summary.to_dicts()[0],
+        print_line(shown),
+        made={"folder": target},
+        next_commands=[_what_next(target, format)],
+    )
+
+
+def _what_next(folder: Path, form: str) -> str:
+    """A look at how others read the folder; where it does not say so, the command that reads it back."""
+    from advpipe.pipeline.bag.locate import CLEAN_NAME
+
+    readme, clean = folder / "README.md", folder / CLEAN_NAME
+    if readme.is_file():
+        return f"less {shlex.quote(str(readme))}"
+    drive = clean if clean.is_dir() else next(path for path in sorted(folder.iterdir()) if path.is_dir())
+    return typed("import", "files" if form == "pcd" else form, drive, "--out", f"{folder}-imported")
 
 
 def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer:
@@ -73,4 +90,9 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
         for attack, number in written.attacks.items():
             print(f"  attackerType {number}: {attack}")
 
-    return Answer({"folder": target, **written._asdict()}, show, made={"folder": target})
+    return Answer(
+        {"folder": target, **written._asdict()},
+        show,
+        made={"folder": target},
+        next_commands=[typed("evaluate", bag)],
+    )

@@ -67,7 +67,9 @@ def run(
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
-    return Answer(document, lambda: None, next_commands=[typed("view", folder)])
+    report = Path(scored["report"])
+    figures = typed("figures", report.parent if report.suffix else report)
+    return Answer(document, lambda: None, next_commands=[typed("view", folder), figures])
 
 
 def _answer(part: Part) -> Answer:

@@ -21,6 +21,7 @@ from advpipe.pipeline.cli.shared import (
     ScaleIntensity,
     Workers,
     cli_option,
+    typed,
 )
 from advpipe.pipeline.core.progress import with_progress
 
@@ -91,4 +92,9 @@ def sweep_command(
     page, figures = report.folder / "report.html", report.folder / "report.json"
     document = json.loads(figures.read_text(encoding="utf-8"))
 
-    return Answer({"report": page, **document}, report.show, made={"report": page})
+    return Answer(
+        {"report": page, **document},
+        report.show,
+        made={"report": page},
+        next_commands=[typed("figures", report.folder, "--format", "png")],
+    )
