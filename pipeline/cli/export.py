@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from advpipe.pipeline.cli.completion import words_of
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line, typed
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.progress import with_progress
@@ -22,7 +23,9 @@ FORMATS = ("kitti", "openpcdet", "nuscenes", "opv2v", "pcd", *V2X_FORMATS)
 @with_progress("exporting {bag} as {format}")
 def export(
     bag: Annotated[Path, typer.Argument(help="Data set folder, bag directory or .mcap file.")],
-    format: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "veremi",
+    format: Annotated[
+        str, typer.Option("--format", help=f"{', '.join(FORMATS)}.", autocompletion=words_of(FORMATS))
+    ] = "veremi",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<bag>-<format>")
     ] = None,

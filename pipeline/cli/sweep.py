@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.cli.completion import sweep_recipes, words_of
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -31,8 +32,12 @@ def sweep_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,
-    table: Annotated[str, cli_option(SweepOptions, "table")] = SweepOptions.table,
-    recipes: Annotated[str, cli_option(SweepOptions, "recipes", "--recipes", "--recipe")] = "best",
+    table: Annotated[
+        str, cli_option(SweepOptions, "table", autocompletion=words_of((SweepOptions.table,)))
+    ] = SweepOptions.table,
+    recipes: Annotated[
+        str, cli_option(SweepOptions, "recipes", "--recipes", "--recipe", autocompletion=sweep_recipes)
+    ] = "best",
     cells: Annotated[
         list[str] | None,
         cli_option(SweepOptions, "cells", "--cells", show_default="all"),
