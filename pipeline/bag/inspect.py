@@ -15,6 +15,7 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.checksums import ChecksumCoverage, validate_checksums
 from advpipe.pipeline.messages.build import NS_PER_S
@@ -116,7 +117,12 @@ class BagDescription:
         several = len(self.lidars) > 1
         facts += [(f"clouds of {one.topic}" if several else "clouds", str(one)) for one in self.lidars]
         for item in self.objects:
-            facts.append((item.class_name, f"{item.road_users} road users, {item.boxes} boxes"))
+            facts.append(
+                (
+                    item.class_name,
+                    f"{counted(item.road_users, 'road user')}, {counted(item.boxes, 'box', 'boxes')}",
+                )
+            )
         if self.v2x is not None:
             facts += self.v2x.lines()
         facts += [(key, value) for key, value in self.provenance.items() if key not in _LONG]

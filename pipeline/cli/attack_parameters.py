@@ -48,7 +48,10 @@ class AttackCommand(TyperCommand):
             return command.make_context(info_name, args, *others, **extra)
         except Exception as error:
             if hasattr(error, "possibilities") and hasattr(error, "message"):  # no such option
-                error.message += f"; {attack} has {', '.join(parameters) or 'no parameters'}"
+                if parameters:
+                    error.where = f"advpipe attacks {attack}"
+                else:
+                    error.message += f"; {attack} has no parameters"
             raise
 
 

@@ -11,6 +11,7 @@ import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite, typed
 from advpipe.pipeline.core.progress import plan_progress, with_progress, working_on
+from advpipe.pipeline.core.text import counted
 
 RATIO = 0.01
 ROUNDS = 3
@@ -69,7 +70,7 @@ def _show_table(row: Mapping[str, Any], baseline: str | None) -> None:
     if baseline:
         title = f"{RATIO:.0%} removed, {baseline_title(baseline)}"
         lines.append((title, row[f"{baseline}_map_adv"], row[f"{baseline}_map_ratio_percent"]))
-    about = f"{row['frames']} clouds, {row['objects']} objects"
+    about = f"{counted(row['frames'], 'cloud')}, {counted(row['objects'], 'object')}"
     print(f"{about:<42}{'mAP':>6}{'of clean':>12}")
     for title, precision, percent in lines:
         print(f"{title:<42}{precision:>6.3f}{percent:>10.0f} %")

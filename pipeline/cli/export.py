@@ -12,6 +12,7 @@ from advpipe.pipeline.cli.completion import words_of
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line, typed
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.core.text import counted
 
 V2X_FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """The forms of VeReMi by their names on the command line."""
@@ -89,7 +90,8 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
     written = export_veremi(source, target, form=V2X_FORMATS[format], overwrite=overwrite)
 
     def show() -> None:
-        print(f"{written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
+        receptions = f"{counted(written.received, 'reception')} of {counted(written.receivers, 'vehicle')}"
+        print(f"{counted(written.sent, 'message')}, {receptions}")
         for attack, number in written.attacks.items():
             print(f"  attackerType {number}: {attack}")
 

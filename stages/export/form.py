@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,9 @@ class ExportSummary(Tabular):
         return str(self.folder)
 
     def __str__(self) -> str:
-        about = (
-            f"{self.folder}: {self.bags} bags, {self.frames} frames, {self.objects} objects as {self.form}"
-        )
-        return "\n".join([about, *self.notes])
+        counts = ((self.bags, "bag"), (self.frames, "frame"), (self.objects, "object"))
+        about = ", ".join(counted(count, noun) for count, noun in counts)
+        return "\n".join([f"{self.folder}: {about} as {self.form}", *self.notes])
 
     def to_dicts(self) -> Rows:
         """One row: the folder and the counts."""

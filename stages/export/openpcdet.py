@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from advpipe.pipeline.bag.frames import Frame, has_ground_truth
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
 from advpipe.pipeline.messages.cloud import xyzi
@@ -58,7 +59,8 @@ class OpenPcdetExport(ExportForm):
             notes.append("the bag has no ground truth: labels and ImageSets are empty")
         elif len(labelled) < len(names):
             empty = len(names) - len(labelled)
-            notes.append(f"{empty} frames without objects are not in ImageSets: OpenPCDet cannot read them")
+            frames = counted(empty, "frame without objects is", "frames without objects are")
+            notes.append(f"{frames} not in ImageSets: OpenPCDet cannot read them")
         bag_count = 1 + len(chosen.attacked)
         return ExportSummary(folder, "openpcdet", bag_count, len(names), objects, tuple(notes))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.core.document import Document, read_json, read_text
+from advpipe.pipeline.core.text import counted
 from advpipe.stages.import_.drive import DriveFrame
 
 _NAME = "part.json"
@@ -39,18 +40,18 @@ class FrameCounts:
 
     def __str__(self) -> str:
         mean = f"{self.points / max(self.clouds, 1):,.0f}"
-        return f"{self.clouds:,} clouds of {mean} points, {self.labels}"
+        return f"{counted(self.clouds, 'cloud')} of {mean} points, {self.labels}"
 
     @property
     def labels(self) -> str:
         """How much is labelled, and how much of it does not count, in words."""
         neither = [
-            f"{count:,} {what}"
-            for count, what in ((self.ignored, "others"), (self.regions, "regions"))
+            counted(count, what)
+            for count, what in ((self.ignored, "other"), (self.regions, "region"))
             if count
         ]
         uncounted = f" (and {' and '.join(neither)} that count neither way)" if neither else ""
-        return f"{self.objects:,} labelled objects{uncounted}"
+        return f"{counted(self.objects, 'labelled object')}{uncounted}"
 
 
 class PartSummary(Document):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3_from_yaw
 from advpipe.pipeline.messages.labels import IgnoredBoxes
@@ -246,7 +247,8 @@ def _stray_labels(labels: Path, files: Sequence[Path]) -> list[str]:
         )
     notes = []
     if strays:
-        notes.append(f"{len(strays)} files in {LABELS}/ have no cloud, such as {strays[0].name}.")
+        files_text = counted(len(strays), f"file in {LABELS}/ has", f"files in {LABELS}/ have")
+        notes.append(f"{files_text} no cloud, such as {strays[0].name}.")
     if missing := len(stems) - (len(named) - len(strays)):
         notes.append(f"{missing} of {len(stems)} clouds have no labels; they count as not labelled.")
     return notes

@@ -21,7 +21,7 @@ from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.tabular import Rows, Tabular
-from advpipe.pipeline.core.text import escape_unprintable
+from advpipe.pipeline.core.text import counted, escape_unprintable
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.viewer_layouts.files import write_layouts
@@ -59,7 +59,9 @@ class ImportSummary(Tabular):
 
     def __str__(self) -> str:
         licence = f"licence: {self.licence or 'not stated (--licence), so the card cannot say it'}"
-        return "\n".join([f"{self.bag}: {self.frames} frames, {self.counts}", licence, *self.notes])
+        return "\n".join(
+            [f"{self.bag}: {counted(self.frames, 'frame')}, {self.counts}", licence, *self.notes]
+        )
 
     def to_dicts(self) -> Rows:
         """One row: the bag and its counts."""

@@ -20,6 +20,7 @@ from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.detector.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.device import device_record, open_device
@@ -62,7 +63,7 @@ class TrainSummary(Tabular):
             for name, precision in self.precision.items()
             if precision.boxes
         )
-        return f"{self.checkpoint}: {self.steps} steps on {self.frames} frames" + (
+        return f"{self.checkpoint}: {counted(self.steps, 'step')} on {counted(self.frames, 'frame')}" + (
             f"; 3D AP on the held-out bag: {found}" if found else ""
         )
 

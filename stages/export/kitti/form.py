@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from advpipe.pipeline.bag.frames import Frame, has_ground_truth
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.image_labels.frame_labels import frame_labels
 from advpipe.pipeline.image_labels.label_camera import CameraAtFrame, LabelCamera
 from advpipe.pipeline.kitti.calibration import format_object_calibration
@@ -92,10 +93,14 @@ class _CleanWriter:
         if self._camera.is_virtual:
             notes.append("the bag has no camera 2: labels are those of a virtual one that looks forward")
         if self._outside:
-            notes.append(f"{self._outside} objects outside the picture are left out, as in KITTI")
+            objects = counted(
+                self._outside, "object outside the picture is", "objects outside the picture are"
+            )
+            notes.append(f"{objects} left out, as in KITTI")
         if len(self.labelled) < len(self.names):
             empty = len(self.names) - len(self.labelled)
-            notes.append(f"{empty} frames without objects are not in ImageSets: toolboxes cannot read them")
+            frames = counted(empty, "frame without objects is", "frames without objects are")
+            notes.append(f"{frames} not in ImageSets: toolboxes cannot read them")
         return notes
 
 

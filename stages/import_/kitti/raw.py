@@ -11,6 +11,7 @@ import numpy as np
 
 from advpipe.pipeline.core.document import read_text
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert, transform_points
 from advpipe.pipeline.kitti.calibration import CAMERAS, LABELLED_CAMERA, KittiCalibration
@@ -75,7 +76,7 @@ class RawDrive:
         """What was assumed, and what is missing."""
         notes = ["time stamps, which KITTI gives in local time, are taken as UTC"]
         if missing := self._numbers[-1] - self._numbers[0] + 1 - len(self._numbers):
-            notes.append(f"{missing} clouds in between are missing")
+            notes.append(f"{counted(missing, 'cloud in between is', 'clouds in between are')} missing")
         if self._oxts is None:
             notes.append("no folder oxts: the poses of the vehicle are unknown")
         if self._tracklets is None:

@@ -117,7 +117,7 @@ def test_the_last_fifth_is_for_validation(tmp_path):
     assert sets["trainval"] == [name for name in names if name != "000004"]
     assert (sets["val"], sets["test"]) == (["000008", "000009"], [])
     assert sets["train"] + sets["val"] == sets["trainval"]
-    assert any("1 frames without objects are not in ImageSets" in note for note in summary.notes)
+    assert any("1 frame without objects is not in ImageSets" in note for note in summary.notes)
 
 
 def test_tracklets_keep_what_was_seen(tmp_path):
