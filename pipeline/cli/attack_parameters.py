@@ -49,7 +49,7 @@ class AttackCommand(TyperCommand):
         except Exception as error:
             if hasattr(error, "possibilities") and hasattr(error, "message"):  # no such option
                 if parameters:
-                    error.where = f"advpipe attacks {attack}"
+                    vars(error)["where"] = f"advpipe attacks {attack}"
                 else:
                     error.message += f"; {attack} has no parameters"
             raise

@@ -83,12 +83,15 @@ def _attack_at(place: Place, tree: Any, message: str) -> str:
     """The name of the attack that a mistake is in, as `detach: `; "" where the message has it."""
     if place[:1] != ("attacks",) or len(place) < 3 or place[-1] == "type":
         return ""
-    bag = tree.get("attacks", {}).get(place[1]) if isinstance(tree.get("attacks"), dict) else None
+    bags = tree.get("attacks")
+    bag = bags.get(place[1]) if isinstance(bags, dict) else None
     items = bag if isinstance(bag, list) else [bag]
     number = int(place[2]) if place[2].isdigit() else 0
-    attack = items[number].get("type") if number < len(items) and isinstance(items[number], dict) else None
-    is_named = not isinstance(attack, str) or short_repr(attack) in message or message.startswith(attack)
-    return "" if is_named else f"{shorten(attack)}: "
+    item = items[number] if number < len(items) else None
+    attack = item.get("type") if isinstance(item, dict) else None
+    if not isinstance(attack, str) or short_repr(attack) in message or message.startswith(attack):
+        return ""
+    return f"{shorten(attack)}: "
 
 
 def _message(each: dict[str, Any], place: Place) -> str:

@@ -266,7 +266,7 @@ def test_clouds_without_labels_and_labels_without_clouds_are_told(tmp_path: Path
     (folder / "labels" / "0.txt").touch()
     (folder / "labels" / "9.txt").touch()
     notes = " ".join(opened(folder).notes)
-    assert "1 files in labels/ have no cloud, such as 9.txt." in notes
+    assert "1 file in labels/ has no cloud, such as 9.txt." in notes
     assert "1 of 2 clouds have no labels" in notes
     frames = list(opened(folder).frames())
     assert [frame.vehicles["ego"].boxes is None for frame in frames] == [False, True]
