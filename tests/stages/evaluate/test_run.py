@@ -28,7 +28,7 @@ def test_figures_by_hand(clean, attacked, tmp_path, capsys):
     assert row["frames"] == FRAMES
     # three cars a frame are evaluated, not the one out of range nor the one without points
     assert (row["boxes_car"], row["boxes_pedestrian"]) == (3 * FRAMES, FRAMES)
-    assert row["classes_in_map"] == ["car"]  # 24 pedestrians are fewer than 50
+    assert row["classes_in_map"] == ["car"]  # 18 pedestrians are fewer than 50
     assert row["map_clean"] == row["ap_car_clean"] == row["ap_pedestrian_clean"] == 1.0
     # two of three cars are found: precision 1 up to recall 2/3, that is at 26 of 40 positions
     assert row["map_adv"] == row["ap_car_adv"] == row["ap_loose_car_adv"] == row["ap_bev_car_adv"] == 26 / 40
