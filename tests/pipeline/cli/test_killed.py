@@ -215,6 +215,7 @@ def test_an_output_that_was_being_replaced(forks: Forks, tmp_path: Path, alone: 
         assert not hidden(work)
 
 
+@NIGHTLY  # test_sweep.py loses a finished cell, too, of a drive whose sweep takes seconds
 def test_a_sweep_that_was_stopped_is_the_same_to_the_byte(
     forks: Forks, ready: Path, tmp_path: Path, alone: Alone
 ) -> None:

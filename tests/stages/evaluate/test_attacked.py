@@ -21,10 +21,7 @@ evaluate = partial(evaluate_with, detector=DETECTOR)
 KEEN = "place_drive:KeenDetector"
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    """Frames are drawn by other tests."""
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")  # other tests draw them
 
 
 def document(out):
