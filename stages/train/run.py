@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -18,6 +17,7 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.jobs import usable_cores
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.core.text import counted
@@ -106,7 +106,7 @@ def _train(
     """Run the remaining steps and the last validation, and write the files of a finished run."""
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
-    workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
+    workers = min(config.batch_size, config.workers or usable_cores())
     maps = training_maps([labelled_bag(bag) for bag in config.bags], config.start)
     provenance = training_provenance(config, origin, len(store), steps) | {KEY: maps}
 

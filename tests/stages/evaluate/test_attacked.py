@@ -21,10 +21,7 @@ evaluate = partial(evaluate_with, detector=DETECTOR)
 KEEN = "place_drive:KeenDetector"
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    """Frames are drawn by other tests."""
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")  # other tests draw them
 
 
 def document(out):
@@ -240,8 +237,8 @@ def test_transfer_matrix(clean, attacked, tmp_path, capsys):
 
 
 def test_chosen_frames_of_chosen_frames(clean, attacked, tmp_path):
-    """The bag holds every second frame from 4 to 18; of those, every fourth one of the drive is asked for."""
-    part = attacked(hide_first_car, frames=range(4, 20, 2), slice="4:20:2")
+    """The bag holds every second frame from 4 to 16; of those, every fourth one of the drive is asked for."""
+    part = attacked(hide_first_car, frames=range(4, 18, 2), slice="4:18:2")
     evaluate(clean, [part], tmp_path / "report", frames=FrameSlice(0, None, 4))
     (row,) = rows(tmp_path / "report")
     assert row["frames"] == 4
@@ -307,13 +304,15 @@ def test_a_real_report_keeps_to_the_published_schema(clean, attacked, tmp_path):
     """With baselines, a defence, two detectors and so transfer; and one of the clean bag alone."""
     bags = [attacked(hide_first_car)]
     out = tmp_path / "report"
-    evaluate(clean, bags, out, detector=[DETECTOR, KEEN], defences=["flip"], baseline_tries=2)
-    evaluate(clean, [], tmp_path / "alone", defences=["flip"])
+    some = FrameSlice(0, None, 3)  # still two blocks, and so intervals
+    evaluate(clean, bags, out, detector=[DETECTOR, KEEN], defences=["flip"], baseline_tries=2, frames=some)
+    evaluate(clean, [], tmp_path / "alone", defences=["flip"], frames=some)
     validator = Draft202012Validator(report_schema())
     for folder in (out, tmp_path / "alone"):
         report = json.loads((folder / "report.json").read_text())
         assert report["schema"] == "advpipe-report-2"
         assert [error.message for error in validator.iter_errors(report)] == []
         assert report["deprecated_keys"]["beats_random"] == "significant_vs_random"
+        assert report["rows"][0]["blocks"] == 2
         assert report["rows"][0]["beats_random"] is report["rows"][0]["significant_vs_random"]
     assert {"attack_success", "baselines", "defences"} <= json.loads((out / "report.json").read_text()).keys()

@@ -32,9 +32,7 @@ class MisplacingDetector(PlaceDetector):
         return Detections(boxes, found.scores, found.labels)
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 def text_of(page):
@@ -51,15 +49,19 @@ def test_both_overlaps_and_the_score_stand_where_lost_stands(clean, attacked, tm
         for each in json.loads((tmp_path / "report" / "report.json").read_text())["attack_success"]
         if (each["condition"], each["class"], each["range"]) == ("adv", "all", "all")
     ]
-    assert (whole["found_clean"], whole["lost"], whole["attack_success_percent"]) == (4 * FRAMES, 0, 0.0)
-    assert (whole["strict_found_clean"], whole["strict_lost"]) == (4 * FRAMES, FRAMES)
+    found = 4 * FRAMES
+    assert (whole["found_clean"], whole["lost"], whole["attack_success_percent"]) == (found, 0, 0.0)
+    assert (whole["strict_found_clean"], whole["strict_lost"]) == (found, FRAMES)
     assert whole["strict_attack_success_percent"] == 25.0
     assert whole["strict_attack_success_ci95"] == [25.0, 25.0]
     assert whole["min_score"] == row["working_score"] == pytest.approx(0.15)  # half of the lowest
     print_report(report)
     printed = text_of(capsys.readouterr().out)
     assert "at loose overlap and a score of at least 0.15" in printed
-    assert "the detector loses 24 of 96 (25.0 %) at strict overlap, 0 of 96 (0.0 %) at loose" in printed
+    assert (
+        f"the detector loses {FRAMES} of {found} (25.0 %) at strict overlap, 0 of {found} (0.0 %) at loose"
+        in printed
+    )
     page = text_of((tmp_path / "report" / "report.html").read_text())
     assert "missed here, at loose overlap and a score of at least 0.15; new FP" in page
     assert ">strict: lost of found</a></th>" in page
@@ -71,7 +73,7 @@ def test_both_overlaps_and_the_score_stand_where_lost_stands(clean, attacked, tm
     ]
     assert (effect["lost_objects"], effect["displaced_objects"]) == (0, FRAMES)
     assert effect["displaced_percent"] == 25.0
-    assert "0 of 96 found objects are not found any more; 24 more are displaced" in page
+    assert f"0 of {found} found objects are not found any more; {FRAMES} more are displaced" in page
     assert "with a score of at least 0.15, and by the overlap in the column&#39;s head" in page
 
 
