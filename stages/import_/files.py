@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,7 +103,14 @@ class PointFolder:
             boxes, ignored = self._boxes(file)
             pose = None if self.poses is None else self.poses[index] @ invert(self.base_SE3_lidar)
             vehicle = VehicleFrame({"lidar": cloud}, boxes, ignored=ignored, map_SE3_base=pose)
-            yield DriveFrame(str(file), stamp_ns, {"ego": vehicle})
+            yield DriveFrame(str(file), stamp_ns, {"ego": vehicle}, file.stem)
+
+    def class_names(self) -> Collection[str]:
+        """The classes of the files of boxes."""
+        if self.labels is None:
+            return ()
+        files = (self.labels / f"{file.stem}.txt" for file in self.files)
+        return {box.class_name for file in files if file.exists() for box in read_boxes(file)}
 
     def _boxes(self, file: Path) -> tuple[Boxes | None, IgnoredBoxes]:
         if self.labels is None or not (labels := self.labels / f"{file.stem}.txt").exists():

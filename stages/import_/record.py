@@ -33,6 +33,9 @@ def frame_messages(frame: DriveFrame) -> Iterator[StampedCdr]:
     moving = [transform for name, vehicle in frame.vehicles.items() for transform in _moving(name, vehicle)]
     if moving:
         yield _stamped(topics.TF, build.transforms(stamp_ns, moving), stamp_ns)
+    if frame.source_name:
+        name = message_class(topics.SOURCE_FRAME.type)(data=frame.source_name)
+        yield _stamped(topics.SOURCE_FRAME, name, stamp_ns)
     for name, vehicle in frame.vehicles.items():
         yield from _vehicle_messages(name, vehicle, stamp_ns)
 
