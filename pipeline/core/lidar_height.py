@@ -14,6 +14,6 @@ def check_lidar_height(height_m: float | None) -> None:
     """Raises UsageError for a height in metres that no LiDAR has; None stands for an unknown one."""
     if height_m is not None and not LOWEST_M <= height_m <= HIGHEST_M:
         raise UsageError(
-            f"{option_name('lidar_height_m')} is {height_m:g}, but must be from {LOWEST_M:g} to {HIGHEST_M:g}, "
+            f"{option_name('lidar_height_m')} is {height_m:g}, but must be {LOWEST_M:g} to {HIGHEST_M:g}, "
             "the height of the LiDAR above the ground in metres"
         )

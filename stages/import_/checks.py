@@ -118,8 +118,8 @@ def _problems(name: str, vehicle: VehicleFrame) -> Iterator[str]:
             )
         elif np.median(np.abs(finite)) > _FARTHEST_M:
             yield (
-                f"the points of {name}/{lidar} lie {np.median(np.linalg.norm(finite, axis=1)):,.0f} m away in "
-                "the median; give metres, in the sensor's own frame (or name the columns)"
+                f"the points of {name}/{lidar} lie "
+                f"{np.median(np.linalg.norm(finite, axis=1)):,.0f} m away in the median; give metres, in the sensor's own frame (or name the columns)"
             )
     boxes = vehicle.boxes
     if boxes is not None and len(boxes):

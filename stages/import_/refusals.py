@@ -21,11 +21,9 @@ def refuse_export_folder(source: Path) -> None:
     """Raises UsageError for the top folder of an export, which holds a folder a bag."""
     if not (source / EXPORT_MARK).is_file():
         return
-    folders = [
-        each for each in sorted(source.iterdir()) if each.is_dir() and each.name not in _CONFIGURATIONS
-    ]
-    if folders:
-        names = escape_unprintable(", ".join(each.name for each in folders))
+    folders = sorted(each.name for each in source.iterdir() if each.is_dir())
+    if bags := [name for name in folders if name not in _CONFIGURATIONS]:
+        names = escape_unprintable(", ".join(bags))
         raise UsageError(f"{source} is an export of advpipe with a folder a bag; give one of them: {names}")
 
 

@@ -35,8 +35,8 @@ def sparse_clouds(sizes: Iterable[CloudSize]) -> Iterator[str]:
         if sparse:
             first = clouds[sparse[0]]
             yield (
-                f"{len(sparse)} of {len(clouds)} clouds of {lidar} have less than half of the points of their "
-                f"neighbours, such as {first.frame}: {first.points:,} of some {usual[sparse[0]]:,.0f}; "
+                f"{len(sparse)} of {len(clouds)} clouds of {lidar} have less than half of the points of "
+                f"their neighbours, such as {first.frame}: {first.points:,} of some {usual[sparse[0]]:,.0f}; "
                 "their files may be truncated."
             )
 

@@ -65,7 +65,7 @@ class Instant:
     recorded: Recorded
     message: Any
     labels: tuple[int, Any] | None
-    uncounting: Uncounting = Uncounting()
+    uncounting: Uncounting
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,8 @@ class RecordedDrive:
     def class_names(self) -> Collection[str]:
         """The classes of all boxes, those that count neither way among them."""
         found: set[str] = set()
-        for recorded in self._recording.messages(
-            list(filter(None, [self._topics.objects, self._topics.ignored]))
-        ):
+        topics = [name for name in (self._topics.objects, self._topics.ignored) if name is not None]
+        for recorded in self._recording.messages(topics):
             boxes = boxes_of_message(self._recording.decode(recorded), recorded.type)
             found |= {each.class_name for each in boxes}
         return found
@@ -159,9 +158,8 @@ class RecordedDrive:
         uncounted = self._ignored(tree, instant)
         named += [each for each in uncounted if each.class_name in self._chosen]
         kept = ignored_boxes([each for each in uncounted if each.class_name not in self._chosen])
-        boxes, ignored = sort_named_boxes(
-            [each for each in named if not _is_around_origin(each)], self._classes
-        )
+        named = [each for each in named if not _is_around_origin(each)]
+        boxes, ignored = sort_named_boxes(named, self._classes)
         return boxes, ignored.joined(kept)
 
     def _ignored(self, tree: TransformTree, instant: Instant) -> list[NamedBox]:

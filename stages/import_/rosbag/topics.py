@@ -27,8 +27,8 @@ _TRUTH = "ground_truth"
 class ChosenTopics:
     """objects, odometry: None where there are no boxes or no poses of that type.
 
-    ignored, coverage, frame_names: of a bag of advpipe, what counts neither way, where objects are labelled, and
-    what its source called the frames; None elsewhere.
+    ignored, coverage, frame_names: of a bag of advpipe, what counts neither way, where objects are labelled,
+    and what its source called the frames; None elsewhere.
     """
 
     points: str
