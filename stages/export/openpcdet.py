@@ -58,8 +58,8 @@ class OpenPcdetExport(ExportForm):
         if not is_labelled:
             notes.append("the bag has no ground truth: labels and ImageSets are empty")
         elif len(labelled) < len(names):
-            empty = len(names) - len(labelled)
-            notes.append(f"{empty} frames without objects are not in ImageSets: OpenPCDet cannot read them")
+            share = f"{len(names) - len(labelled)} of {len(names)}"
+            notes.append(f"frames without objects ({share}) are not in ImageSets: OpenPCDet cannot read them")
         bag_count = 1 + len(chosen.attacked)
         return ExportSummary(folder, "openpcdet", bag_count, len(names), objects, tuple(notes))
 

@@ -117,9 +117,10 @@ def _problems(name: str, vehicle: VehicleFrame) -> Iterator[str]:
                 "the number type that the form has"
             )
         elif np.median(np.abs(finite)) > _FARTHEST_M:
+            distance_m = np.median(np.linalg.norm(finite, axis=1))
             yield (
-                f"the points of {name}/{lidar} lie "
-                f"{np.median(np.linalg.norm(finite, axis=1)):,.0f} m away in the median; give metres, in the sensor's own frame (or name the columns)"
+                f"the points of {name}/{lidar} lie {distance_m:,.0f} m away in the median; give metres, in "
+                "the sensor's own frame (or name the columns)"
             )
     boxes = vehicle.boxes
     if boxes is not None and len(boxes):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.document import Document, read_json, read_text
 from advpipe.pipeline.core.plural import plural
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.stages.import_.drive import DriveFrame
 from advpipe.stages.import_.sparse import CloudSize
 
@@ -61,7 +62,8 @@ def cloud_sizes(frame: DriveFrame) -> Iterator[CloudSize]:
     """The sizes of a frame's clouds."""
     for name, vehicle in frame.vehicles.items():
         for lidar, cloud in vehicle.clouds.items():
-            yield CloudSize(lidar=f"{name}/{lidar}", frame=frame.name, points=len(cloud))
+            shown = escape_unprintable(frame.name)
+            yield CloudSize(lidar=f"{name}/{lidar}", frame=shown, points=len(cloud))
 
 
 class PartSummary(Document):

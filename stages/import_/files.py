@@ -253,9 +253,9 @@ def _stray_labels(labels: Path, files: Sequence[Path]) -> list[str]:
         )
     notes = []
     if strays:
-        notes.append(f"{len(strays)} files in {LABELS}/ have no cloud, such as {strays[0].name}.")
+        notes.append(f"Files in {LABELS}/ without a cloud: {len(strays)}, such as {strays[0].name}.")
     if missing := len(stems) - (len(named) - len(strays)):
-        notes.append(f"{missing} of {len(stems)} clouds have no labels; they count as not labelled.")
+        notes.append(f"Clouds without labels: {missing} of {len(stems)}; they count as not labelled.")
     return notes
 
 

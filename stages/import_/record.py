@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.geometry.boxes import Boxes, count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
@@ -34,7 +35,7 @@ def frame_messages(frame: DriveFrame) -> Iterator[StampedCdr]:
     if moving:
         yield _stamped(topics.TF, build.transforms(stamp_ns, moving), stamp_ns)
     if frame.source_name:
-        name = message_class(topics.SOURCE_FRAME.type)(data=frame.source_name)
+        name = message_class(topics.SOURCE_FRAME.type)(data=escape_unprintable(frame.source_name))
         yield _stamped(topics.SOURCE_FRAME, name, stamp_ns)
     for name, vehicle in frame.vehicles.items():
         yield from _vehicle_messages(name, vehicle, stamp_ns)

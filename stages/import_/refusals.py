@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.dataset.layout import EXPORT_MARK
@@ -36,5 +36,6 @@ def refuse_unknown_classes(form: DriveForm, source: DriveSource, request: Import
     for name in unknown:
         if name not in has:
             option = option_name("classes", f"{name}={request.options.classes[name]}")
-            known = escape_unprintable(known_names(name, has, "it has"))
+            hint = suggestion(name, dict.fromkeys((*has, *form.classes)))
+            known = escape_unprintable(f"{hint} it has {', '.join(has) or 'none'}".strip())
             raise UsageError(f"{option}: {request.source} has no class {name!r}; {known}")

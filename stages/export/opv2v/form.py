@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from advpipe.pipeline.bag.carried import lidar_topics
-from advpipe.pipeline.bag.frame_names import SIX_DIGITS, read_frame_names
+from advpipe.pipeline.bag.frame_names import read_frame_names
 from advpipe.pipeline.bag.frames import find_lidar_topic, vehicle_topics
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -38,7 +38,7 @@ class Opv2vExport(ExportForm):
         first = next(iter(bags.values()))
         topics = _topics(first, options.lidar_topic)
         numbers = Numbers(vehicle_topics(topic).vehicle for topic in topics)
-        writer = _Writer(numbers, Ticks(read_frame_names(first, SIX_DIGITS, is_ordered=True).names))
+        writer = _Writer(numbers, Ticks(read_frame_names(first, as_numbers=True, is_ordered=True).names))
         objects = 0
         scenario = drive_name(bags)
         for name, bag in bags.items():

@@ -78,7 +78,7 @@ class Av2Log:
         if self._labels is None:
             notes.append("The log holds no annotations.feather, and so no label.")
         if self._unlabelled:
-            notes.append(f"{self._unlabelled} sweeps without labels are left out.")
+            notes.append(f"Sweeps without labels are left out: {self._unlabelled}.")
         return notes
 
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:

@@ -76,7 +76,7 @@ class RawDrive:
         notes = ["time stamps, which KITTI gives in local time, are taken as UTC"]
         notes += stray_notes(self._folder / "velodyne_points" / "data", ".bin")
         if missing := self._numbers[-1] - self._numbers[0] + 1 - len(self._numbers):
-            notes.append(f"{missing} clouds in between are missing")
+            notes.append(f"clouds missing in between: {missing}")
         if self._oxts is None:
             notes.append("no folder oxts: the poses of the vehicle are unknown")
         if self._tracklets is None:

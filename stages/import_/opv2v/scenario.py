@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.plural import plural
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.carla import se3_from_carla
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3, transform_points, wrap_angle, yaw_of
@@ -85,7 +86,8 @@ class Opv2vScenario:
             "and lose roll and pitch.",
         ]
         missing = {agent.number: len(set(self.ticks) - agent.ticks) for agent in self.agents}
-        notes += [f"Agent {number} lacks {count} frames." for number, count in missing.items() if count]
+        missing = {number: count for number, count in missing.items() if count}
+        notes += [f"Agent {number} lacks {plural(count, 'frame')}." for number, count in missing.items()]
         return notes
 
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:

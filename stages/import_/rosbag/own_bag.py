@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.core.document import Document, ShortText, read_yaml
+from advpipe.pipeline.core.document import Document, ShortText, Text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.messages.labels import IgnoredBoxes, coverage_from_message
@@ -27,18 +27,19 @@ class SourceOfBag(Document):
     """What an imported bag's source.yaml says of the publication."""
 
     licence: ShortText | None = None
-    citation: ShortText = ""
+    citation: Text = ""
 
 
 def source_of_bag(recording: Recording) -> SourceOfBag:
-    """The publication that an advpipe bag was imported from; without values for any other recording."""
+    """The publication that an advpipe bag was imported from; without values for any other recording.
+
+    Raises AdvpipeError for a damaged record.
+    """
     text = recording.provenance.get("source")
     if not text:
         return SourceOfBag()
-    try:
-        found: SourceOfBag = read_yaml(text, SourceOfBag, f"{recording.path}: the source", "import it again")
-    except AdvpipeError:
-        return SourceOfBag()  # of another release; nothing is lost but a line on the card
+    where = f"{recording.path}: the provenance record's source"
+    found: SourceOfBag = read_yaml(text, SourceOfBag, where, "import it again")
     return found
 
 
