@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.core.document import Document, ShortText, Text, read_yaml
+from advpipe.pipeline.bag.recorded_source import RecordedSource, read_source
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.messages.labels import IgnoredBoxes, coverage_from_message
@@ -23,24 +23,13 @@ class Uncounting(NamedTuple):
     coverage: Any = None
 
 
-class SourceOfBag(Document):
-    """What an imported bag's source.yaml says of the publication."""
-
-    licence: ShortText | None = None
-    citation: Text = ""
-
-
-def source_of_bag(recording: Recording) -> SourceOfBag:
-    """The publication that an advpipe bag was imported from; without values for any other recording.
+def source_of_bag(recording: Recording) -> RecordedSource:
+    """Where a bag that was imported comes from; without values for any other recording.
 
     Raises AdvpipeError for a damaged record.
     """
-    text = recording.provenance.get("source")
-    if not text:
-        return SourceOfBag()
-    where = f"{recording.path}: the provenance record's source"
-    found: SourceOfBag = read_yaml(text, SourceOfBag, where, "import it again")
-    return found
+    found = read_source(recording.path) if recording.provenance else None
+    return found or RecordedSource()
 
 
 def frame_names(recording: Recording, topics: ChosenTopics) -> Mapping[int, str]:
