@@ -9,8 +9,11 @@ import yaml
 
 from advpipe.pipeline.bag.frame_names import read_frame_names
 from advpipe.pipeline.bag.frames import read_frames
+from advpipe.pipeline.bag.inspect import UncountedLabels, describe
 from tests.stages.import_.importing import import_form
 from tests.stages.import_.kitti.kitti_folders import write_object_frames
+
+SAMPLE = Path(__file__).parents[3] / "sample" / "clean"
 
 
 def test_a_bag_that_was_imported_before_keeps_what_it_says_beyond_other_recordings(tmp_path: Path) -> None:
@@ -38,3 +41,12 @@ def test_a_bag_that_was_imported_before_keeps_what_it_says_beyond_other_recordin
     assert "/ego/camera_0/camera_info" in left_out
     counted = import_form("rosbag", first.bag, tmp_path / "van", classes={"Van": "truck"}).counts
     assert (counted.objects, counted.ignored) == (first.counts.objects + 2, 0)
+
+
+def test_inspect_counts_what_counts_neither_way(tmp_path: Path) -> None:
+    bag = import_form("kitti", write_object_frames(tmp_path / "kitti"), tmp_path / "d").bag
+    found = describe(bag)
+    assert found.uncounted == UncountedLabels({"Van": 2}, regions=2, partial=2)
+    assert found.uncounted.lines()[0] == ("ignored", "2 boxes (Van 2)")
+    assert [(each.class_name, each.boxes) for each in found.objects] == [("car", 2)]
+    assert not describe(SAMPLE).uncounted
