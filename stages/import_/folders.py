@@ -7,6 +7,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.document import read_text
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.plural import plural
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.import_.point_files import COLUMN_NAMES, POINT_READERS, cloud_of_columns, read_floats
 
@@ -31,9 +32,10 @@ def cloud_names(folder: Path, suffix: str) -> list[str]:
     """The names without suffix of a folder's clouds, sorted. Raises UsageError for clouds of another type."""
     for other in sorted(set(POINT_READERS) - {suffix}):
         if mixed := file_names(folder, other):
+            found = plural(len(mixed), f"{other} file")
             raise UsageError(
-                f"{folder / mixed[0]}{other}: {folder.name} holds {suffix} files and {len(mixed)} of "
-                f"{other}; keep one type in a folder"
+                f"{folder / mixed[0]}{other}: {folder.name} holds {found}, where "
+                f"this form has {suffix} alone; remove them, or import one type as `files`"
             )
     return file_names(folder, suffix)
 

@@ -77,7 +77,7 @@ def test_clouds_of_another_type_are_refused_and_other_files_told(write, tmp_path
     told = import_form("kitti", source, tmp_path / "d").notes
     assert f"{folder.name} holds what is no .bin file, and is left out: notes.md" in told
     (folder / "x.pcd").write_text("a cloud")
-    with pytest.raises(UsageError, match=r"x\.pcd: .* holds \.bin files and 1 of \.pcd; keep one type"):
+    with pytest.raises(UsageError, match=r"x\.pcd: .* holds 1 \.pcd file, where this form has \.bin alone"):
         import_form("kitti", source, tmp_path / "mixed")
 
 
