@@ -17,11 +17,14 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.dataset.reports import SweepReportDocument, read_report
+from advpipe.pipeline.detector.adaptation import AS_THEY_ARE, Adaptation
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.lidar.build import adaptation_of
 from advpipe.stages.attack.mistakes import mistakes_of_spec
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
+from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack
 from advpipe.stages.evaluate.provenance import REPORTING
 from advpipe.stages.evaluate.run import Options, Report, evaluate
@@ -56,7 +59,7 @@ class Campaign:
     """A scenario's drive, its attacks and their evaluation, in the folder of a data set.
 
     requests: by the name of the bag that each makes. An existing result of anything else is refused, or
-    replaced with `overwrite`.
+    replaced with `overwrite`. adaptation: how the evaluation presents clouds to the detector.
     """
 
     scenario: Scenario
@@ -66,6 +69,7 @@ class Campaign:
     device: str
     workers: int | None = None
     overwrite: bool = False
+    adaptation: Adaptation = AS_THEY_ARE
 
     @classmethod
     def of(
@@ -76,21 +80,28 @@ class Campaign:
         device: str,
         *,
         debug: bool = AttackOptions.debug,
+        adaptation: Adaptation = AS_THEY_ARE,
         **options: Any,
     ) -> Campaign:
-        """debug: whether adversarial bags have debug topics.
+        """debug: whether adversarial bags have debug topics. adaptation: how clouds are presented to
+        detectors, also to those of attacks for which the scenario does not say it.
 
         Raises AdvpipeError for an attack that cannot be carried out, before the simulation;
         `mistakes_of_attacks` finds all of them.
         """
         requests = {
-            name: AttackRequest(attacks, scenario.simulation.seed, device, debug)
+            name: AttackRequest(
+                tuple(with_adaptation(spec, adaptation) for spec in attacks),
+                scenario.simulation.seed,
+                device,
+                debug,
+            )
             for name, attacks in scenario.attacks.items()
         }
         for name, request in requests.items():
             request.check()
             request.refuse_without_v2x(name, scenario)
-        return cls(scenario, requests, folder, detector, device, **options)
+        return cls(scenario, requests, folder, detector, device, adaptation=adaptation, **options)
 
     def run(self) -> Iterator[Part]:
         """Yield the drive, each attack and the report, each as soon as it is finished."""
@@ -116,9 +127,9 @@ class Campaign:
 
     def _report(self, bags: Sequence[Path]) -> Part:
         report = self.folder / "reports" / detector_slug(self.detector)
-        if is_report_of(report, bags, self.detector, self.device):
+        if is_report_of(report, bags, self.detector, self.device, self.adaptation):
             return Kept("report", report)
-        options = Options(detectors=(self.detector,), device=self.device)
+        options = Options(detectors=(self.detector,), device=self.device, **vars(self.adaptation))
         clean, *adversarial = bags
         adversarial = adversarial or adversarial_bags(self.folder)
         detail(f"{self.detector} on {self.device}: {clean} and {len(adversarial)} adversarial bags")
@@ -193,8 +204,18 @@ def _differing_keys(made: Path, wanted: str) -> list[str]:
     return sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key)) or ["text"]
 
 
-def is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
-    """Whether an evaluation's report compares just these bags, with this detector, device and code."""
+def with_adaptation(spec: AttackSpec, adaptation: Adaptation) -> AttackSpec:
+    """An attack, with the adaptation if it is one on clouds that does not state its own."""
+    if adaptation.is_none or not adaptation_of(spec).is_none or find_attack(spec.type).family != "lidar":
+        return spec
+    return spec.model_copy(update=vars(adaptation))
+
+
+def is_report_of(
+    report: Path, bags: Sequence[Path], detector: str, device: str, adaptation: Adaptation = AS_THEY_ARE
+) -> bool:
+    """Whether an evaluation's report compares just these bags, with this detector, device, adaptation and
+    code."""
     try:
         found = read_report(report / "report.json")
     except AdvpipeError:
@@ -206,5 +227,7 @@ def is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str)
     detectors = [one.sha256 for one in about.detectors]
     was_here = about.device == device.partition(":")[0]
     was_so = about.code_sha256 == code_sha256(*REPORTING)
+    was_adapted = Adaptation() if about.adaptation is None else Adaptation(**vars(about.adaptation))
+    was_so &= was_adapted == adaptation
     is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))
     return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here and was_so

@@ -14,7 +14,10 @@ from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
     Device,
+    Level,
+    LidarHeight,
     Overwrite,
+    ScaleIntensity,
     Workers,
     cli_option,
     print_line,
@@ -43,6 +46,9 @@ def run(
     detector: DetectorName = "small",
     device: Device = "cpu",
     workers: Workers = None,
+    lidar_height_m: LidarHeight = None,
+    level: Level = False,
+    scale_intensity: ScaleIntensity = 1.0,
     debug: Annotated[bool, cli_option(AttackOptions, "debug", "--debug/--no-debug")] = AttackOptions.debug,
     overwrite: Overwrite = False,
 ) -> Answer:
@@ -57,12 +63,20 @@ def run(
 
     with working_on("loading libraries"):
         from advpipe.pipeline.campaigns.run import Campaign, mistakes_of_attacks
+        from advpipe.pipeline.detector.adaptation import Adaptation
 
     with as_usage_error():
         loaded = load_scenario(scenario, settings or (), mistakes_of_attacks)
         folder = out or working_path("datasets") / loaded.name
         campaign = Campaign.of(
-            loaded, folder, detector, device, debug=debug, workers=workers, overwrite=overwrite
+            loaded,
+            folder,
+            detector,
+            device,
+            debug=debug,
+            adaptation=Adaptation(lidar_height_m, level, scale_intensity),
+            workers=workers,
+            overwrite=overwrite,
         )
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())

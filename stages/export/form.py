@@ -23,7 +23,11 @@ class ExportOptions:
 
 @dataclass(frozen=True, repr=False)
 class ExportSummary(Tabular):
-    """What was written. bags: how many, the clean one included. notes: sentences."""
+    """What was written. bags: how many, the clean one included. notes: sentences.
+
+    frames: instants of the clean bag. objects: labels of them, those of each agent; every other bag repeats
+    frames and labels.
+    """
 
     folder: Path
     form: str
@@ -36,9 +40,9 @@ class ExportSummary(Tabular):
         return str(self.folder)
 
     def __str__(self) -> str:
-        counts = ((self.bags, "bag"), (self.frames, "frame"), (self.objects, "object"))
-        about = ", ".join(counted(count, noun) for count, noun in counts)
-        return "\n".join([f"{self.folder}: {about} as {self.form}", *self.notes])
+        counts = (counted(self.bags, "bag"), counted(self.frames, "frame"), counted(self.objects, "object"))
+        about = f"{self.folder}: {', '.join(counts)} as {self.form}"
+        return "\n".join([about, *self.notes])
 
     def to_dicts(self) -> Rows:
         """One row: the folder and the counts."""

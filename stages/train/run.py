@@ -31,6 +31,7 @@ from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
+from advpipe.stages.train.heights import training_height
 from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.state import TrainState
@@ -39,6 +40,9 @@ from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, stric
 from advpipe.stages.train.workers import Gradients, gradients
 
 READING = "reading the bags"
+
+STORED = "with what does not count"
+"""What frames are stored with: a run of an earlier release stores them again."""
 
 SOME_FRAMES = 40
 """Number of frames of a validation during the run."""
@@ -107,8 +111,9 @@ def _train(
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
     workers = min(config.batch_size, config.workers or usable_cores())
-    maps = training_maps([labelled_bag(bag) for bag in config.bags], config.start)
-    provenance = training_provenance(config, origin, len(store), steps) | {KEY: maps}
+    bags = [labelled_bag(bag) for bag in config.bags]
+    about_bags = {KEY: training_maps(bags, config.start), **training_height(bags)}
+    provenance = training_provenance(config, origin, len(store), steps) | about_bags
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():
@@ -188,7 +193,7 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
         for bag in digests:
             yield from track(read_frames(bag), f"read {bag.name}", total=count_frames(bag))
 
-    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m], radius_m)
+    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m, STORED], radius_m)
 
 
 def validation_drive(config: TrainConfig) -> ValidationDrive | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.cli.run import run
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
 SCENARIO = """
 name: tiny
@@ -55,6 +55,10 @@ def test_all_stages_and_again(
         "out/reports/small: kept",
     ]
     assert stamps(made) == before
+
+    # Clouds presented otherwise are another report, and another attack.
+    with pytest.raises(UsageError, match="fewer_points was made with other"):
+        run(str(scenario), made, lidar_height_m=2.0)
 
     # Other code would report otherwise.
     with monkeypatch.context() as other:
