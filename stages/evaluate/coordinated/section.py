@@ -30,6 +30,7 @@ FORMULAS = (
         "count when they are sent; a message attack without a target attacks all vehicles that receive "
         "messages",
         ("from_s", "to_s", "own_place_m", "map_wrong", "points_touched"),
+        title="While all attacks are active",
     ),
 )
 

@@ -29,6 +29,7 @@ FORMULAS = (
         + "; harder objects, Van for Car, Person_sitting for Pedestrian, and regions DontCare count neither "
         "way",
         ("difficulty",),
+        title="KITTI's levels of difficulty",
     ),
     Formula(
         "kitti_ap",
@@ -36,6 +37,7 @@ FORMULAS = (
         "(R11); official overlaps: Car .7, Pedestrian and Cyclist .5. Only detections in the image of "
         "camera 2 take part",
         ("r11", "r40"),
+        title="Average precision by KITTI's own program",
     ),
 )
 

@@ -76,6 +76,7 @@ def write_html(
         added=report.sections,
         sections=sections,
         formulas=report.formulas,
+        definitions=report.definitions,
         provenance=json.dumps(plain_value(report.origin.record()), indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")

@@ -14,12 +14,13 @@ OVERVIEW, CLEAN, ATTACK, SECTION = "overview", "clean", "attack", "section"
 
 
 class Formula(NamedTuple):
-    """The meaning of some values of a report. keys: those that have them in `report.json`; `*` stands for a
-    class, a criterion or a baseline."""
+    """The meaning of some values. name: among the formulas in `report.json`; title: as people name it.
+    keys: those that have the values in `report.json`; `*` stands for a class, a criterion or a baseline."""
 
     name: str
     meaning: str
     keys: tuple[str, ...] = ()
+    title: str = ""
 
 
 @dataclass(frozen=True)

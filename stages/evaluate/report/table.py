@@ -31,6 +31,13 @@ COLUMNS = (
     "attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost", "new FP", "max shift m",
 )  # fmt: skip
 
+SIGNIFICANT = {
+    True: f" Significant against {PLAIN_RANDOM}: yes.",
+    False: f" Significant against {PLAIN_RANDOM}: no.",
+    None: "",
+}
+"""The end of a note on an attack; without an interval nothing is said."""
+
 
 def changed_percent(removed: int, added: int, moved: int, clean: int) -> str:
     """Points removed (−), added (+) and moved (~) in percent of all clean points."""
@@ -138,8 +145,8 @@ def table_notes(report: Report) -> list[str]:
             notes.append(
                 f"{bag}: Δ of the mAP ratio to {baseline_title(strongest)} "
                 f"(the strongest {PLAIN_RANDOM} baseline): {delta} percentage points"
-                f"{f', 95 % interval {interval(shown)}' if shown else ''}. "
-                f"Significant against {PLAIN_RANDOM}: {'yes' if row.significant_vs_random else 'no'}."
+                f"{f', 95 % interval {interval(shown)}' if shown else ''}."
+                f"{SIGNIFICANT[row.significant_vs_random]}"
             )
         notes += _lost_note(report, row, bag)
     if any(row.baselines for row in report.results):
