@@ -5,17 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline
-from advpipe.stages.evaluate.coordinated.effects import Effect
-from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
+from advpipe.stages.evaluate.coordinated.effects import BelievedTrack, Effect
+from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, plain_axes
 
 if TYPE_CHECKING:
     from advpipe.pipeline.core.figure import Figure
 
 SHADE = "#fbe3e4"
+
+TIMES = LinearSegmentedColormap.from_list("times", ["#3f6fb5", "#2a9d8f", "#d99a1c", "#d1495b"])
+"""Colours that are seen on white and on dark pages."""
+
+WIDTH_IN, STRIP_IN, MAP_IN = 8.2, 0.1, 1.5
+CELLS, MOST_DOTS, MOST_LINES = 60, 150, 30
 
 
 def draw_coordinated(
@@ -23,19 +31,24 @@ def draw_coordinated(
     effects: Sequence[Effect],
     together_ns: tuple[int, int] | None,
     start_ns: int,
+    track: BelievedTrack | None = None,
 ) -> Figure:
     """A line for each attacked fix, message and cloud, and the effects below; shaded: all attacks are active.
 
-    together_ns: first and last time of the shaded span, None for none. start_ns: of the recording.
+    together_ns: first and last time of the shaded span, None for none. start_ns: of the recording. track:
+    where the vehicle was and believed to be, drawn as a map whose colours are those of the time axis.
     """
     from advpipe.pipeline.core.figure import Figure
 
     heights = [0.1 + 0.21 * len(timelines), *(0.52 for _ in effects)]
-    size = (11.0, sum(heights) + 0.75)
+    below = [] if track is None else [STRIP_IN, MAP_IN]
+    size = (WIDTH_IN, sum(heights) + sum(below) + 0.75 + 0.45 * bool(below))
     figure = Figure(figsize=size, dpi=110, facecolor="white", layout="constrained")
-    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[
-        :, 0
-    ].tolist()
+    grid = figure.add_gridspec(len(heights) + len(below), 1, height_ratios=[*heights, *below])
+    panels = [figure.add_subplot(grid[0])]
+    panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in range(1, len(heights))]
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
     for axes in panels:
         plain_axes(axes)
         if together_ns is not None:
@@ -52,9 +65,54 @@ def draw_coordinated(
         _draw_effect(axes, effect, start_ns)
     if curves:
         handles, labels = curves[0].get_legend_handles_labels()
-        figure.legend(handles, labels, fontsize=9, frameon=False, loc="lower left", ncols=1)
-    panels[-1].set_xlabel("time of the recording [s]; shaded: all attacks are active", color=SOFT)
+        above = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0}
+        panels[0].legend(handles, labels, fontsize=9, frameon=False, ncols=2, **above)
+    last = panels[-1]
+    if track is not None:
+        last.tick_params(labelbottom=False)
+        last = figure.add_subplot(grid[-2], sharex=panels[0])
+        colours = Normalize(*((ns - start_ns) / 1e9 for ns in track.times_ns[[0, -1]]))
+        _draw_strip(last, colours)
+        _draw_track(figure.add_subplot(grid[-1]), track, start_ns, colours)
+    last.set_xlabel("time of the recording [s]; shaded: all attacks are active", color=SOFT)
     return figure
+
+
+def _draw_strip(axes: Axes, colours: Normalize) -> None:
+    """The colours of the map along the time axis."""
+    edges_s = np.linspace(colours.vmin or 0.0, colours.vmax or 1.0, CELLS + 1)
+    middles_s = (edges_s[1:] + edges_s[:-1]) / 2
+    plain_axes(axes)
+    axes.pcolormesh(edges_s, [0, 1], middles_s[None], cmap=TIMES, norm=colours)
+    axes.set_yticks([0.5], ["colour on the map"])
+
+
+def _draw_track(axes: Axes, track: BelievedTrack, start_ns: int, colours: Normalize) -> None:
+    """The true and the believed positions, turned so that the drive goes to the right."""
+    ahead_m = track.true_m[-1] - track.true_m[0]
+    yaw_rad = float(np.arctan2(ahead_m[1], ahead_m[0]))
+    turned_R_map = np.array([[np.cos(yaw_rad), np.sin(yaw_rad)], [-np.sin(yaw_rad), np.cos(yaw_rad)]])
+    true_m, believed_m = (
+        (each - track.true_m[0]) @ turned_R_map.T for each in (track.true_m, track.believed_m)
+    )
+    times_s = (track.times_ns - start_ns) / 1e9
+    plain_axes(axes)
+    seconds = np.unique(np.searchsorted(times_s, np.arange(np.ceil(times_s[0]), times_s[-1])))
+    for each in seconds[:: max(1, len(seconds) // MOST_LINES)]:
+        axes.plot(*np.stack([true_m[each], believed_m[each]]).T, color=LINE, linewidth=0.8, zorder=1)
+    shown = slice(None, None, max(1, len(times_s) // MOST_DOTS))
+    for positions_m, marker, area, label in (
+        (true_m, "s", 14, "true position"),
+        (believed_m, "o", 7, "position that it believes in; a line joins the two at a full second"),
+    ):
+        axes.scatter(
+            *positions_m[shown].T, c=times_s[shown], cmap=TIMES, norm=colours, s=area, marker=marker,
+            linewidths=0, label=label, zorder=2,
+        )  # fmt: skip
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("along the drive [m]", color=SOFT)
+    axes.set_ylabel("across [m]", color=SOFT)
+    axes.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0)
 
 
 def _draw_effect(axes: Axes, effect: Effect, start_ns: int) -> None:

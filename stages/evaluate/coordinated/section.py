@@ -16,7 +16,7 @@ from advpipe.pipeline.results.coordinated import (
     TogetherMetrics,
 )
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_attack_timelines
-from advpipe.stages.evaluate.coordinated.effects import DetectedFrames, Effect, effects
+from advpipe.stages.evaluate.coordinated.effects import DetectedFrames, Effect, believed_track, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
@@ -72,8 +72,12 @@ def coordinated_sections(
             if span_ns is not None:
                 outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in found_effects]
             records.append(_record(name, vehicle, timelines, found_effects, span_ns, start_ns))
-            caption = f"{name}: the attacks on {vehicle} and their effects"
-            figure = draw_coordinated(timelines, found_effects, span_ns, start_ns)
+            caption = (
+                f"{name}: the attacks on {vehicle} and their effects; below, where it was and where it "
+                "believed to be"
+            )
+            believed = believed_track(bag, vehicle, window)
+            figure = draw_coordinated(timelines, found_effects, span_ns, start_ns, believed)
             file_name = f"{name}-{vehicle}-coordinated.png"
             pictures.append(picture_of(SECTION, name, file_name, caption, figure))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]

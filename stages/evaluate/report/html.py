@@ -30,7 +30,14 @@ from advpipe.stages.evaluate.report.page_table import shown_table
 from advpipe.stages.evaluate.report.pictures import WORST
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title, worst_frames
-from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture, Table
+from advpipe.stages.evaluate.report.section import (
+    ATTACK,
+    CLEAN,
+    FIRST_SCREEN,
+    OVERVIEW,
+    ReportPicture,
+    Table,
+)
 from advpipe.stages.evaluate.report.table import lost_of, results_table, table_notes
 
 TEMPLATE, STYLE = (Path(__file__).with_name(name) for name in ("template.html", "page.css"))
@@ -70,7 +77,7 @@ def write_html(
         lost=lost_of(report),
         viewer=viewer,
         overview=overview,
-        worst=_worst(first, report, pictures) if not timelines else None,
+        worst=_worst(first, report, pictures),
         timelines=timelines,
         clean_sections=clean_sections,
         added=report.sections,
@@ -127,11 +134,16 @@ def _contents(
     return [*parts, ("definitions", "How the metrics are computed"), ("provenance", "Provenance")]
 
 
-def _worst(first: FirstScreen, report: Report, pictures: Sequence[ReportPicture]) -> ReportPicture | None:
-    """The picture of the worst that the first headline's attack did, or of the worst clean frame."""
+def _worst(first: FirstScreen, report: Report, pictures: Sequence[ReportPicture]) -> list[ReportPicture]:
+    """The picture of the worst that the first headline's attack did, or of the worst clean frame.
+
+    A frame comes in two shapes, the wide one first; nothing comes where there is no picture.
+    """
     bags = ("", first.headlines[0].bag) if first.headlines else ()
     drawn = [*pictures, *(each for section in report.sections for each in section.pictures)]
-    return next((each for each in drawn if each.is_worst and (bags[-1:] == ("",) or each.bag in bags)), None)
+    found = [each for each in drawn if each.is_worst and (bags[-1:] == ("",) or each.bag in bags)]
+    alike = [each for each in found if (each.section, each.bag) == (found[0].section, found[0].bag)]
+    return alike[:2] if found and found[0].section == FIRST_SCREEN else found[:1]
 
 
 def _unbroken(text: str) -> str:
