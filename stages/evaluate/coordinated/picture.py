@@ -23,6 +23,8 @@ TIMES = LinearSegmentedColormap.from_list("times", ["#3f6fb5", "#2a9d8f", "#d99a
 """Colours that are seen on white and on dark pages."""
 
 WIDTH_IN, STRIP_IN, MAP_IN = 8.2, 0.1, 1.5
+LEFT_IN, TOP_IN, GAP_IN, MAP_GAP_IN, BOTTOM_IN = 1.7, 0.3, 0.13, 0.8, 0.5
+LETTER_IN = 0.074
 CELLS, MOST_DOTS, MOST_LINES = 60, 150, 30
 
 
@@ -38,15 +40,13 @@ def draw_coordinated(
     together_ns: first and last time of the shaded span, None for none. start_ns: of the recording. track:
     where the vehicle was and believed to be, drawn as a map whose colours are those of the time axis.
     """
-    from advpipe.pipeline.core.figure import Figure
-
-    heights = [0.1 + 0.21 * len(timelines), *(0.52 for _ in effects)]
-    below = [] if track is None else [STRIP_IN, MAP_IN]
-    size = (WIDTH_IN, sum(heights) + sum(below) + 0.75 + 0.45 * bool(below))
-    figure = Figure(figsize=size, dpi=110, facecolor="white", layout="constrained")
-    grid = figure.add_gridspec(len(heights) + len(below), 1, height_ratios=[*heights, *below])
-    panels = [figure.add_subplot(grid[0])]
-    panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in range(1, len(heights))]
+    names = [f"{' + '.join(one.attacks)}: {one.what}" for one in timelines]
+    heights = [0.1 + 0.21 * len(timelines), *(0.42 for _ in effects)]
+    heights += [] if track is None else [STRIP_IN, MAP_IN]
+    figure, axes_below = _stacked(heights, max(map(len, names)))
+    panels = axes_below[: 1 + len(effects)]
+    for axes in panels[1:]:
+        axes.sharex(panels[0])
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False)
     for axes in panels:
@@ -59,7 +59,7 @@ def draw_coordinated(
     for row, one in zip(rows, timelines, strict=True):
         times_s = (one.times_ns - start_ns) / 1e9
         events.eventplot(times_s, lineoffsets=row, linelengths=0.7, linewidths=1.0, colors=PREDICTION)
-    events.set_yticks(list(rows), [f"{' + '.join(one.attacks)}: {one.what}" for one in timelines])
+    events.set_yticks(list(rows), names)
     events.set_ylim(-0.6, len(timelines) - 0.4)
     for axes, effect in zip(curves, effects, strict=True):
         _draw_effect(axes, effect, start_ns)
@@ -70,12 +70,35 @@ def draw_coordinated(
     last = panels[-1]
     if track is not None:
         last.tick_params(labelbottom=False)
-        last = figure.add_subplot(grid[-2], sharex=panels[0])
+        last, on_map = axes_below[-2:]
+        last.sharex(panels[0])
         colours = Normalize(*((ns - start_ns) / 1e9 for ns in track.times_ns[[0, -1]]))
         _draw_strip(last, colours)
-        _draw_track(figure.add_subplot(grid[-1]), track, start_ns, colours)
+        _draw_track(on_map, track, start_ns, colours)
     last.set_xlabel("time of the recording [s]; shaded: all attacks are active", color=SOFT)
     return figure
+
+
+def _stacked(heights_in: Sequence[float], characters: int) -> tuple[Figure, list[Axes]]:
+    """A figure and panels of these heights below each other; a map is farther down.
+
+    characters: of the longest label on the left. The places are computed here rather than by a solver, whose
+    results differ in their last digits from call to call.
+    """
+    from advpipe.pipeline.core.figure import Figure
+
+    left_in = max(LEFT_IN, LETTER_IN * characters + 0.2)
+    gaps = [TOP_IN, *([GAP_IN] * (len(heights_in) - 1))]
+    if heights_in[-1] == MAP_IN:
+        gaps[-1] = MAP_GAP_IN
+    total = sum(heights_in) + sum(gaps) + BOTTOM_IN
+    figure = Figure(figsize=(WIDTH_IN, total), dpi=110, facecolor="white")
+    panels, top = [], total
+    for height, gap in zip(heights_in, gaps, strict=True):
+        top -= gap + height
+        place = (left_in / WIDTH_IN, top / total, (WIDTH_IN - left_in - 0.15) / WIDTH_IN, height / total)
+        panels.append(figure.add_axes(place))
+    return figure, panels
 
 
 def _draw_strip(axes: Axes, colours: Normalize) -> None:

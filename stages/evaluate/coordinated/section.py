@@ -34,6 +34,8 @@ FORMULAS = (
     ),
 )
 
+SINGLE = {"fixes": "fix", "messages": "message", "clouds": "cloud"}
+
 
 def coordinated_sections(
     clean: Path,
@@ -149,7 +151,12 @@ def _lead(
 
 def _line(name: str, one: AttackTimeline, start_ns: int) -> tuple[str, ...]:
     ends_s = [formatted_number((int(ns) - start_ns) / 1e9, 1) for ns in (one.times_ns[0], one.times_ns[-1])]
-    return (name, one.vehicle, " + ".join(one.attacks), f"{len(one.times_ns):,} {one.what}", *ends_s)
+    return (name, one.vehicle, " + ".join(one.attacks), _count(one), *ends_s)
+
+
+def _count(one: AttackTimeline) -> str:
+    """Such as `1 fix`, `12 messages`."""
+    return f"1 {SINGLE[one.what]}" if len(one.times_ns) == 1 else f"{len(one.times_ns):,} {one.what}"
 
 
 def _outcome(name: str, vehicle: str, effect: Effect, span_ns: tuple[int, int]) -> tuple[str, ...]:

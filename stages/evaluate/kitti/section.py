@@ -13,7 +13,7 @@ from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResul
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.kitti.objects import detected_objects, labelled_objects
 from advpipe.stages.evaluate.options import Options
-from advpipe.stages.evaluate.report.numbers import formatted_number
+from advpipe.stages.evaluate.report.numbers import counted, formatted_number
 from advpipe.stages.evaluate.report.section import Formula, ReportSection, Table
 
 CONDITIONS = ("clean", "adv")
@@ -161,7 +161,7 @@ def _table(bag: str, detector: str, records: Sequence[KittiRecord], *, is_short:
     )
     frames = mine[0].frames if mine else 0
     return Table(
-        f"{bag}, {detector}: KITTI's average precision in percent, {frames} frames",
+        f"{bag}, {detector}: KITTI's average precision in percent, {counted(frames, 'frame')}",
         ("class", "difficulty", "objects", *heads),
         tuple(lines),
         "Classes without an object that counts are left out; with few objects a value says little.",

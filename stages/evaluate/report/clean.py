@@ -10,6 +10,7 @@ from advpipe.stages.evaluate.detection.scoring import CRITERIA
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import (
+    counted,
     formatted_number,
     interval,
     shown_interval,
@@ -69,7 +70,7 @@ def lead(summary: Summary) -> str:
     if ("strict", "car") in found.ap:
         text += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
         text += _in_brackets(found.strict_ci95["car"], summary)
-    return text + f". Strict 3D, R40, {counts.frames} frames."
+    return text + f". Strict 3D, R40, {counted(counts.frames, 'frame')}."
 
 
 def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:

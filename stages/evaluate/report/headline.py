@@ -11,6 +11,7 @@ from advpipe.pipeline.results.v2x import V2xRecord
 from advpipe.stages.evaluate.report.headline_detection import clean_headline, detection_headline
 from advpipe.stages.evaluate.report.headline_messages import localisation_headline, v2x_headline
 from advpipe.stages.evaluate.report.headline_parts import Headline
+from advpipe.stages.evaluate.report.numbers import counted
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_name
 from advpipe.stages.evaluate.report.wording import changed_points
@@ -37,6 +38,9 @@ def first_screen(report: Report) -> FirstScreen:
     verdicts = tuple(headline.verdict for headline in headlines)
     if _is_one_coordinated_attack(report):
         verdicts = (f"The attack {_listed([headline.clause for headline in headlines])}.",)
+    elif len(headlines) > 1:
+        first, *others = (f"on {headline.target} {headline.clause}" for headline in headlines)
+        verdicts = (f"The strongest attack {'; that '.join([first, *others])}.",)
     return FirstScreen(_title(report, headlines), _about(report), verdicts, headlines)
 
 
@@ -94,5 +98,5 @@ def _about(report: Report) -> str:
         detectors = [f"{each.name} ({', '.join(each.classes)})" for each in report.origin.detectors]
         parts.insert(0, f"detector{'s' if len(detectors) > 1 else ''} {', '.join(detectors)}")
         counts = report.results[0].counts
-        parts.append(f"{counts.frames:,} frames with {counts.objects:,} evaluated objects")
+        parts.append(f"{counted(counts.frames, 'frame')} with {counted(counts.objects, 'evaluated object')}")
     return "; ".join(parts)

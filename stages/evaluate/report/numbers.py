@@ -24,6 +24,11 @@ def formatted_number(value: object, digits: int, suffix: str = "") -> str:
     return f"{value:,.{digits}f}{suffix}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Such as `1 frame` or `1,200 frames`."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def formatted_ratio(percent: object, map_clean: object, digits: int = 2) -> str:
     """A ratio to `map_clean` in percent; in words where that is so low that the ratio is not meaningful."""
     if map_clean == 0 or (isinstance(percent, float) and percent != percent):
@@ -68,7 +73,7 @@ def interval_cell(bounds: Interval, counts: FrameCounts, digits: int = 1) -> str
 
 def no_interval(counts: FrameCounts) -> str:
     """What stands in place of intervals where the frames fill too few blocks for one."""
-    return f"{NO_INTERVAL}: {counts.frames} frame{'' if counts.frames == 1 else 's'}"
+    return f"{NO_INTERVAL}: {counted(counts.frames, 'frame')}"
 
 
 def short_name(detector: object) -> str:

@@ -11,6 +11,7 @@ from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.report.numbers import (
     NOTHING,
+    counted,
     formatted_number,
     formatted_ratio,
     interval,
@@ -133,7 +134,7 @@ def table_notes(report: Report) -> list[str]:
     several = len({row.detector for row in report.results}) > 1
     for row in report.results:
         bag = f"{row.bag}, seen by {short_name(row.detector)}" if several else row.bag
-        size = f"{row.counts.frames} frames, {row.counts.objects} objects"
+        size = f"{counted(row.counts.frames, 'frame')}, {counted(row.counts.objects, 'object')}"
         inside = [name for name in row.boxes if name in row.counts.classes_in_map]
         outside = [name for name in row.boxes if name not in inside and row.boxes[name]]
         left_out = f", without {_with_boxes(row, outside)}" if outside else ""
