@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
@@ -146,9 +147,11 @@ def _worst(first: FirstScreen, report: Report, pictures: Sequence[ReportPicture]
     return alike[:2] if found and found[0].section == FIRST_SCREEN else found[:1]
 
 
-def _unbroken(text: str) -> str:
+def _unbroken(text: str) -> Markup:
     """The text in which no line ends between a number and its unit, or within an interval."""
-    return re.sub(r"(?<=\d) (?=(?:%|m|s)(?!\w))", "\u00a0", text).replace("…", "\u2060…\u2060")
+    safe = text if isinstance(text, Markup) else escape(escape_unprintable(text))
+    joined = re.sub(r"(?<=\d) (?=(?:%|m|s)(?!\w))", "\u00a0", safe)
+    return Markup(re.sub(r"[-−\d.,]+…[-−\d.,]*\d", r'<span class="unbroken">\g<0></span>', joined))
 
 
 def _anchor(name: str) -> str:

@@ -83,6 +83,9 @@ def test_an_attack_significantly_stronger_than_every_baseline(slow_clean, tmp_pa
     assert document(tmp_path / "report")["provenance"]["baseline_tries"] == 3
     print_report(report)
     assert "Significant against plain random: yes." in unwrapped(capsys)
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert '95 % interval <span class="unbroken">65.0…65.0</span>'.replace("5 %", "5\u00a0%") in page
+    assert "\\u20" not in page[page.index("<main>") : page.index("<details")]
 
 
 def test_an_attack_that_does_nothing_is_reported_as_such(slow_clean, tmp_path, capsys):
