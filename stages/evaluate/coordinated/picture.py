@@ -65,8 +65,10 @@ def draw_coordinated(
         _draw_effect(axes, effect, start_ns)
     if curves:
         handles, labels = curves[0].get_legend_handles_labels()
-        above = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0}
-        panels[0].legend(handles, labels, fontsize=9, frameon=False, ncols=2, **above)
+        panels[0].legend(
+            handles, labels, fontsize=9, frameon=False, ncols=2, loc="lower left", bbox_to_anchor=(0, 1),
+            borderaxespad=0,
+        )  # fmt: skip
     last = panels[-1]
     if track is not None:
         last.tick_params(labelbottom=False)

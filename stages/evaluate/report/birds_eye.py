@@ -161,8 +161,8 @@ def _draw_marks(axes: Axes, scene: ReportScene, limits: Limits, size: float) -> 
     """
     x_min, _, y_min, y_max = limits
     axes.apply_aspect()
-    (width_in, height_in), place = axes.figure.get_size_inches(), axes.get_position()
-    panel = 72 * width_in * place.width, 72 * height_in * place.height
+    per_pixel = 72 / axes.figure.dpi
+    panel = float(axes.bbox.width * per_pixel), float(axes.bbox.height * per_pixel)
     per_m = panel[0] / (y_max - y_min)
     corners = box_corners(scene.truth.boxes.geometry)[:, :4, :2]
     on_paper = np.stack([y_max - corners[..., 1], corners[..., 0] - x_min], axis=2) * per_m
