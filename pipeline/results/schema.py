@@ -124,7 +124,8 @@ def _row() -> Schema:
         "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}, "names of the scored baselines"),
         "significant_vs_random": _described(
             {"type": ["boolean", "null"]},
-            "whether the attack is significantly stronger than every scored baseline; null without intervals",
+            "whether the attack is significantly stronger than every scored baseline; null where the frames "
+            "fill fewer than six blocks of 5 s, and without intervals",
         ),
         "notes": _list({"type": "string"}, "what the reader must know besides"),
     }
@@ -149,7 +150,8 @@ def _row() -> Schema:
         f"^map_ratio_delta_points_vs_{_BASELINE}$": _described(NUMBER, _DELTA),
         f"^map_ratio_delta_points_vs_{_BASELINE}_ci95$": _described(INTERVAL, f"95 % interval of: {_DELTA}"),
         f"^significant_vs_{_BASELINE}$": _described(
-            {"type": ["boolean", "null"]}, "whether that interval lies below 0; null without an interval"
+            {"type": ["boolean", "null"]},
+            "whether that interval lies below 0; null with fewer than six blocks, and without an interval",
         ),
     }
     return {

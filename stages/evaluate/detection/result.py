@@ -92,13 +92,16 @@ def _metrics(scored: Scored, condition: str) -> CloudMetrics:
 
 
 def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
-    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0."""
+    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0.
+
+    With fewer than `MIN_BLOCKS` blocks, whose interval no table shows, nothing is said of significance.
+    """
     points, bounds = difference(scored.by_condition, condition)
     return BaselineMetrics(
         metrics=_metrics(scored, condition),
         map_ratio_delta_points=points,
         map_ratio_delta_points_ci95=bounds,
-        is_significant=None if bounds is None else bounds[1] < 0,
+        is_significant=bounds[1] < 0 if bounds and scored.bootstrap.n_blocks >= MIN_BLOCKS else None,
     )
 
 

@@ -84,7 +84,8 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
         "baselines",
         "Against plain random baselines of equal budget",
         "Δ: the attack's mAP ratio minus the baseline's, in percentage points, drawn together; the attack is "
-        f"significantly stronger if the 95 % interval of Δ lies below 0. {RANDOM_BEST}",
+        "significantly stronger if the 95 % interval of Δ lies below 0; nothing is said without an "
+        f"interval. {RANDOM_BEST}",
         (Table("mAP ratio at strict overlap of each attack and random baseline", heads, tuple(lines)),),
         records=tuple(
             _baseline_record(summary.result, name)

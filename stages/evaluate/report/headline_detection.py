@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.metrics import CleanMeans
 from advpipe.pipeline.results.records import EffectRecord
 from advpipe.pipeline.results.row import FrameCounts, ResultRow
@@ -73,7 +74,8 @@ def clean_headline(row: ResultRow) -> Headline:
     share = 100 * counts.objects_found_clean / counts.objects if counts.objects else math.nan
     verdict = (
         f"The detector finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
-        f"reports {counts.false_positives_clean:,} false positives in {counts.frames:,} frames. Its mAP is "
+        f"reports {counted(counts.false_positives_clean, 'false positive')} in "
+        f"{counted(counts.frames, 'frame')}. Its mAP is "
         f"{formatted_number(strict.map_r40, 3)} at strict and {formatted_number(loose.map_r40, 3)} at loose "
         f"overlap, over {', '.join(counts.classes_in_map)}."
     )
@@ -109,7 +111,7 @@ def _with_attacked_frames(card: Card, value: Value, records: Sequence[EffectReco
     if not records:
         return card
     (record,) = records
-    frames = f"{record.frame_count:,} attacked frame{'' if record.frame_count == 1 else 's'}"
+    frames = counted(record.frame_count, "attacked frame")
     text = f"over the {frames} alone: {_percent(value(record))}"
     return replace(card, attacked=text)
 

@@ -20,8 +20,9 @@ from advpipe.stages.evaluate.report.curves import ATTACK_LINES, CLEAN_LINES, dra
 from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.ratios import draw_ratios
 from advpipe.stages.evaluate.report.scene import attack_name, best_frames, load_scene, worst_frames
-from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture
+from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, FIRST_SCREEN, OVERVIEW, ReportPicture
 from advpipe.stages.evaluate.report.strata_plot import draw_strata
+from advpipe.stages.evaluate.report.worst_picture import draw_worst
 
 WORST, BEST = 3, 1
 WORST_CLEAN, BEST_CLEAN = 2, 2
@@ -92,8 +93,13 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
         for rank, frame in enumerate(frames):
             scene = load_scene(clean, summary, frame, lidar_topic)
             caption = f"{which} frame: {scene.title}"
-            drawn = picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
-            yield replace(drawn, is_worst=which == "Worst" and rank == 0)
+            yield picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
+            if which == "Worst" and rank == 0:
+                for shape in ("wide", "tall"):
+                    name = f"{scene.name}-{shape}.png"
+                    figure = draw_worst(scene, is_tall=shape == "tall")
+                    drawn = picture_of(FIRST_SCREEN, bag, name, caption, figure, shape == "wide")
+                    yield replace(drawn, is_worst=True)
 
 
 def picture_of(

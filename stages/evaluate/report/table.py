@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
@@ -30,6 +31,13 @@ CAR = ("strict", "car")
 COLUMNS = (
     "attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost", "new FP", "max shift m",
 )  # fmt: skip
+
+SIGNIFICANT = {
+    True: f" Significant against {PLAIN_RANDOM}: yes.",
+    False: f" Significant against {PLAIN_RANDOM}: no.",
+    None: "",
+}
+"""The end of a note on an attack; without an interval nothing is said."""
 
 
 def changed_percent(removed: int, added: int, moved: int, clean: int) -> str:
@@ -126,7 +134,7 @@ def table_notes(report: Report) -> list[str]:
     several = len({row.detector for row in report.results}) > 1
     for row in report.results:
         bag = f"{row.bag}, seen by {short_name(row.detector)}" if several else row.bag
-        size = f"{row.counts.frames} frames, {row.counts.objects} objects"
+        size = f"{counted(row.counts.frames, 'frame')}, {counted(row.counts.objects, 'object')}"
         inside = [name for name in row.boxes if name in row.counts.classes_in_map]
         outside = [name for name in row.boxes if name not in inside and row.boxes[name]]
         left_out = f", without {_with_boxes(row, outside)}" if outside else ""
@@ -138,8 +146,8 @@ def table_notes(report: Report) -> list[str]:
             notes.append(
                 f"{bag}: Δ of the mAP ratio to {baseline_title(strongest)} "
                 f"(the strongest {PLAIN_RANDOM} baseline): {delta} percentage points"
-                f"{f', 95 % interval {interval(shown)}' if shown else ''}. "
-                f"Significant against {PLAIN_RANDOM}: {'yes' if row.significant_vs_random else 'no'}."
+                f"{f', 95 % interval {interval(shown)}' if shown else ''}."
+                f"{SIGNIFICANT[row.significant_vs_random]}"
             )
         notes += _lost_note(report, row, bag)
     if any(row.baselines for row in report.results):

@@ -19,6 +19,7 @@ from advpipe.stages.evaluate.run import print_report
 
 evaluate = partial(evaluate_with, detector=DETECTOR)
 KEEN = "place_drive:KeenDetector"
+SLOW_PERIOD_NS = 1_250_000_000
 
 
 pytestmark = pytest.mark.usefixtures("no_pictures")  # other tests draw them
@@ -44,9 +45,26 @@ def empty_first_car(cloud):
     return cloud[57:]
 
 
-def test_an_attack_significantly_stronger_than_every_baseline(clean, attacked, tmp_path, capsys):
-    report = evaluate(clean, [attacked(hide_first_car)], tmp_path / "report", baseline_tries=3)
+@pytest.fixture
+def slow_clean(monkeypatch, tmp_path):
+    """The drive at 0.8 Hz: 30 s, six blocks, for which there are intervals."""
+    monkeypatch.setattr("place_drive.PERIOD_NS", SLOW_PERIOD_NS)
+    clouds = {index: clean_cloud(index) for index in range(FRAMES)}
+    return write_bag(tmp_path / "slow", {"kind": "clean"}, clouds)
+
+
+def attacked_beside(clean, change):
+    about = {"kind": "attack", "attack": "detach", "recipe": "best", "parent_sha256": parent_sha256(clean)}
+    about["parameters"] = json.dumps({"ratio": 0.014, "rounds": 10})
+    clouds = {index: change(clean_cloud(index)) for index in range(FRAMES)}
+    return write_bag(clean.parent / "attacked", about, clouds)
+
+
+def test_an_attack_significantly_stronger_than_every_baseline(slow_clean, tmp_path, capsys):
+    bag = attacked_beside(slow_clean, hide_first_car)
+    report = evaluate(slow_clean, [bag], tmp_path / "report", baseline_tries=3)
     (row,) = rows(tmp_path / "report")
+    assert row["blocks"] == 6
     assert row["baselines"] == ["baseline", "baseline_best", "baseline_near", "baseline_near_best"]
     assert row["baseline_map_ratio_percent"] == row["baseline_best_map_ratio_percent"] == 100.0
     # near objects, 45 of the 234 points there: some are hidden by chance now and then, never one in three
@@ -62,10 +80,14 @@ def test_an_attack_significantly_stronger_than_every_baseline(clean, attacked, t
     assert document(tmp_path / "report")["provenance"]["baseline_tries"] == 3
     print_report(report)
     assert "Significant against plain random: yes." in unwrapped(capsys)
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert '95 % interval <span class="unbroken">65.0…65.0</span>'.replace("5 %", "5\u00a0%") in page
+    assert "\\u20" not in page[page.index("<main>") : page.index("<details")]
 
 
-def test_an_attack_that_does_nothing_is_reported_as_such(clean, attacked, tmp_path, capsys):
-    report = evaluate(clean, [attacked(lambda cloud: cloud[:-45])], tmp_path / "report")  # of the ground
+def test_an_attack_that_does_nothing_is_reported_as_such(slow_clean, tmp_path, capsys):
+    bag = attacked_beside(slow_clean, lambda cloud: cloud[:-45])  # of the ground
+    report = evaluate(slow_clean, [bag], tmp_path / "report")
     (row,) = rows(tmp_path / "report")
     assert row["map_ratio_percent"] == 100.0
     assert row["significant_vs_random"] is False
@@ -74,6 +96,21 @@ def test_an_attack_that_does_nothing_is_reported_as_such(clean, attacked, tmp_pa
     )
     print_report(report)
     assert "Significant against plain random: no." in unwrapped(capsys)
+
+
+def test_without_an_interval_nothing_is_said_of_significance(clean, attacked, tmp_path, capsys):
+    """Twelve seconds are three blocks: too few for an interval, and so for what rests on one."""
+    report = evaluate(clean, [attacked(hide_first_car)], tmp_path / "report")
+    (row,) = rows(tmp_path / "report")
+    assert row["map_ratio_percent"] == 65.0
+    assert row["significant_vs_random"] is None
+    assert {row[f"significant_vs_{baseline}"] for baseline in row["baselines"]} == {None}
+    assert {each["significant"] for each in document(tmp_path / "report")["baselines"]} == {None}
+    assert not any("significant" in note for note in row["notes"])
+    print_report(report)
+    assert "Significant" not in unwrapped(capsys)
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Significant against" not in page
 
 
 def test_moved_points(clean, attacked, tmp_path):
