@@ -8,7 +8,7 @@ from io import BytesIO
 from typing import NamedTuple
 
 from advpipe.pipeline.results.listed import Listed
-from advpipe.stages.evaluate.report.themed_svg import themed_svg
+from advpipe.stages.evaluate.report.themed_svg import svg_uri, themed_svg
 
 OVERVIEW, CLEAN, ATTACK, SECTION, FIRST_SCREEN = "overview", "clean", "attack", "section", "first-screen"
 """The parts of a report that pictures are in."""
@@ -63,9 +63,9 @@ class ReportPicture:
     def data_uri(self) -> str:
         """The picture for the page, which shows it without another file."""
         svg = themed_svg(self.svg) if self.svg else b""
-        is_small = 0 < len(svg) <= MOST_SVG_BYTES
-        media, content = ("svg+xml", svg) if is_small else ("png", _palette_png(self.png))
-        return f"data:image/{media};base64," + base64.b64encode(content).decode("ascii")
+        if 0 < len(svg) <= MOST_SVG_BYTES:
+            return svg_uri(svg)
+        return "data:image/png;base64," + base64.b64encode(_palette_png(self.png)).decode("ascii")
 
     @property
     def files(self) -> dict[str, bytes]:
