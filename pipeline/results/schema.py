@@ -32,7 +32,7 @@ from advpipe.pipeline.results.v2x import V2xRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
-_BASELINE = "(baseline(_near|_full)?(_best)?)"
+_BASELINE = "(random_best|baseline(_near|_full)?(_best)?)"
 _CLASS = f"({'|'.join(CLASSES)})"
 _CRITERION = f"({'|'.join(CRITERIA[1:])})"
 
@@ -124,7 +124,7 @@ def _row() -> Schema:
         "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}, "names of the scored baselines"),
         "significant_vs_random": _described(
             {"type": ["boolean", "null"]},
-            "whether the attack is significantly stronger than every scored baseline; null without intervals",
+            "whether the attack is significantly stronger than random_best; null without intervals",
         ),
         "notes": _list({"type": "string"}, "what the reader must know besides"),
     }

@@ -9,7 +9,7 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.ingredients import lines_of, measured
 from advpipe.pipeline.campaigns.sweep.variants import split_recipe
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.wording import OVERLAPS, RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, WHITE_BOX
 
 SAME_DATA = (
     "The paper's figures are those of its own detector and its own recording of Town06; ours are of the "
@@ -27,7 +27,7 @@ def sweep_caveats(cells: Sequence[Cell]) -> list[str]:
     """Sentences for the page, the terminal and report.json."""
     return [
         SAME_DATA,
-        *([RANDOM_BEST] if any(cell.row.baselines for cell in cells) else []),
+        *([ABOUT_BASELINES] if any(cell.row.baselines for cell in cells) else []),
         *_random_best_measured(cells),
         *_lost(cells),
         *_held_still(cells),

@@ -14,7 +14,7 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, steps_factor
 from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
-from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
+from advpipe.stages.evaluate.report.wording import TO_BEAT
 
 MARKS = ("o", "s", "^", "D", "v")
 PAPER = "the paper"
@@ -30,8 +30,7 @@ class Point:
 
 
 def draw_sweep_curves(cells: Sequence[Cell], attack: str) -> Figure:
-    """Two panels of one attack: the paper's figures in blue, ours in red, the strongest plain random baseline
-    in grey."""
+    """Two panels of one attack: the paper's figures in blue, ours in red, the baseline to beat in grey."""
     figure = Figure(figsize=(11, 4.4), dpi=110, facecolor="white", layout="constrained")
     lines = curve_points(cells, attack)
     for place, label in enumerate((AXES[attack].title, "Chamfer distance in m²")):
@@ -66,7 +65,7 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
         mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
         for title, colour, style, is_random in (
             (f"ours, recipe {recipe}", PREDICTION, f"{mark}-", False),
-            (f"strongest {PLAIN_RANDOM} baseline of {recipe}", BASELINE, f"{mark}:", True),
+            (f"{TO_BEAT} beside {recipe}", BASELINE, f"{mark}:", True),
         ):
             points = [
                 point

@@ -78,8 +78,8 @@ class Attach(LidarAttack):
         for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a
         distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
         salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
-        around those near objects, "random-best" likewise with the selection of "best": the strongest
-        baseline, which reports do not score by themselves. New points copy the intensity of the point that
+        around those near objects, "random-best" likewise with the selection of "best": the baseline that
+        reports compare the attack with. New points copy the intensity of the point that
         they start from.
     rounds: how often "best" ranks the places.
     weight: lambda of the paper's dual loss (loss units per square metre); only for "paper".
@@ -151,7 +151,12 @@ class Attach(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return queries(self.rounds) if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:

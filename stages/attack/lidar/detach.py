@@ -56,8 +56,8 @@ class Detach(LidarAttack):
         budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
         without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
         the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the strongest baseline, which reports
-        do not score by themselves.
+        near objects, "random-best" there with the selection of "best": the baseline that
+        reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
     near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
     """
@@ -109,7 +109,12 @@ class Detach(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return queries(self.rounds) if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:

@@ -68,8 +68,8 @@ class Perturb(LidarAttack):
         of jitter; it is far weaker without jitter, and not significantly stronger than "random-best" under
         it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines:
         "random" moves all points by eps in a random direction, "random-near" those near objects, and
-        "random-best" draws `steps` candidates there, with the selection of "best": the strongest baseline,
-        which reports do not score by themselves.
+        "random-best" draws `steps` candidates there, with the selection of "best": the baseline that
+        reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
     weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper". At 0.01 points
         move by 2 mm (RMS, of 10 cm allowed), as steps have equal length for each point; at 0 by 8.7 cm, with
@@ -138,7 +138,12 @@ class Perturb(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return self.steps if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return self.steps if self.recipe in QUERYING else RECIPES["best"]
 
     @property
     def needs_ground_truth(self) -> bool:

@@ -26,7 +26,7 @@ from advpipe.stages.evaluate.report.numbers import (
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ReportSection, Table
 from advpipe.stages.evaluate.report.transfer import transfer_section
-from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
@@ -60,7 +60,7 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
 
 def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
-        *("attack", f"{PLAIN_RANDOM} baseline", "baseline's mAP ratio %", "95 %"),
+        *("attack", "random baseline", "baseline's mAP ratio %", "95 %"),
         *("Δ to baseline, points", "95 %", "significant"),
     )
     lines = []
@@ -71,7 +71,7 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
             lines.append(
                 (
                     title,
-                    baseline_title(name),
+                    baseline_title(name, summary.result.attack.baseline_tries),
                     formatted_ratio(baseline.metrics.map_ratio_percent, map_clean),
                     interval_cell(baseline.metrics.map_ratio_ci95, counts),
                     formatted_number(baseline.map_ratio_delta_points, 2),
@@ -82,9 +82,9 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
             title = ""
     return ReportSection(
         "baselines",
-        "Against plain random baselines of equal budget",
+        "Against random baselines of equal budget",
         "Δ: the attack's mAP ratio minus the baseline's, in percentage points, drawn together; the attack is "
-        f"significantly stronger if the 95 % interval of Δ lies below 0. {RANDOM_BEST}",
+        f"significantly stronger if the 95 % interval of Δ lies below 0. {ABOUT_BASELINES}",
         (Table("mAP ratio at strict overlap of each attack and random baseline", heads, tuple(lines)),),
         records=tuple(
             _baseline_record(summary.result, name)

@@ -47,10 +47,11 @@ def effects_section(summaries: Mapping[str, Summary]) -> ReportSection:
 
 
 def _lines(title: str, summary: Summary) -> Iterator[tuple[str, ...]]:
+    tries = summary.result.attack.baseline_tries
     for number, each in enumerate(summary.effects):
         yield (
             title if number == 0 else "",
-            "attacked" if each.condition == "adv" else baseline_title(each.condition),
+            "attacked" if each.condition == "adv" else baseline_title(each.condition, tries),
             f"{'all' if each.frames == ALL else 'attacked'} {each.frame_count:,}",
             _ratio(each, "strict", summary),
             _ratio(each, "loose", summary),

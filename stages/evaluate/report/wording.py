@@ -6,16 +6,14 @@ from typing import NamedTuple
 
 from advpipe.pipeline.results.row import ResultRow
 
-PLAIN_RANDOM = "plain random"
-"""The baselines that every report scores, in few words; beside them there is recipe `random-best`."""
+TO_BEAT = "random-best"
+"""The baseline that cards, verdicts and intervals compare an attack with."""
 
-RANDOM_BEST = (
-    "The random baselines here are the plain ones: anywhere, near objects and, where points are moved, every "
-    "point; each as one draw and as the best of several tries. The first draw fixes how much of the budget "
-    "each object gets, and tries are chosen by what is found at strict overlap. Recipe random-best, which "
-    "draws blindly too but spends the budget and keeps the best try for each object as recipe best does, is "
-    "stronger than these and is not among them: `--recipe random-best` of `advpipe attack` and `advpipe "
-    "sweep` scores it like an attack."
+ABOUT_BASELINES = (
+    "The baseline to beat is random-best: it draws at random, judges as many tries as recipe best of the "
+    "attack (or as --baseline-tries says), keeps the best for each object and allocates the budget to the "
+    "objects as recipe best does; recipe random-best of advpipe attack is the same. The other random "
+    "baselines are one draw each: anywhere, near objects and, where points are moved, every point."
 )
 
 WHITE_BOX = (
