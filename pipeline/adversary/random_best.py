@@ -13,7 +13,7 @@ import numpy.typing as npt
 from advpipe.pipeline.adversary.addition_problem import AdditionProblem, add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import Constraints, Rules
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, owners, with_decoys
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.per_object_best import PerObjectBest
 from advpipe.pipeline.adversary.places import Places, ball_places, joined, no_places
 from advpipe.pipeline.adversary.random_search import RandomSearch
@@ -154,6 +154,7 @@ def random_best(
         return cloud.copy()
     constraints = replace(constraints, intensity=constraints.intensity or budget.changes_intensity)
     scene = cloud[finite]
+    boxes = known_boxes(constraints, detector, scene, boxes)
     goal, rules = goal_of(constraints, detector, scene, boxes), Rules(constraints, xyz(scene), boxes)
     if not len(goal.targets):
         return cloud.copy()

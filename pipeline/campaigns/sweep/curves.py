@@ -9,7 +9,7 @@ from math import isnan
 
 from matplotlib.axes import Axes
 
-from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLES
+from advpipe.pipeline.campaigns.sweep.budgets import AXES, BUDGETS
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, steps_factor
 from advpipe.pipeline.core.figure import Figure
@@ -53,11 +53,12 @@ def draw_sweep_curves(cells: Sequence[Cell], attack: str) -> Figure:
 
 def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str], list[Point]]:
     """The points of each line, in the order of budgets; by title, colour and style of the line."""
-    budgets = {budget.name: budget for budget in TABLES["paper"] if budget.attack == attack}
+    budgets = {budget.name: budget for budget in BUDGETS if budget.attack == attack}
     lines: dict[tuple[str, str, str], list[Point]] = {
         (PAPER, TRUTH, "x--"): [
             Point((each.printed, each.paper_chamfer_distance_m2), each.paper_map_ratio_percent)
             for each in budgets.values()
+            if not isnan(each.paper_map_ratio_percent)
         ]
     }
     for number, recipe in enumerate(_plain_recipes(cells)):

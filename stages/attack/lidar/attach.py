@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import GOALS, Constraints, Rules
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
@@ -69,7 +69,8 @@ JITTER_M = 0.01
 class Attach(LidarAttack):
     """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     points: how many points to add.
     eps_m: how far from the clean cloud's points they may lie.
@@ -82,10 +83,11 @@ class Attach(LidarAttack):
         reports compare the attack with. New points copy the intensity of the point that
         they start from.
     rounds: how often "best" ranks the places.
-    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper".
+    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
+        lambda and gives no value.
     decay_m: "best" and "robust" multiply the gain of a point at distance d from the clean ones by
         exp(-(d / decay_m)**2): a small decay_m gives a small Chamfer distance.
-    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, intensity: see
+    along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, intensity: see
         `constraints.Constraints`.
     """
 
@@ -119,12 +121,13 @@ class Attach(LidarAttack):
     points: int = 300
     recipe: str = "best"
     rounds: int = 10
-    weight: float = 1.0
+    weight: float = 0.0
     decay_m: float = 1.0
     along_ray: bool = False
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     ghost: str | None = None
     intensity: bool = False
@@ -169,6 +172,7 @@ class Attach(LidarAttack):
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
         if not len(scene):
             return unchanged(cloud, "no points to start from")
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost

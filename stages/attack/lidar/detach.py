@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import GOALS, Constraints, Rules
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, owners
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
@@ -48,7 +48,8 @@ JITTER_M = 0.01
 class Detach(LidarAttack):
     """Remove exactly round(ratio * N) of a cloud's N points.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
@@ -59,7 +60,7 @@ class Detach(LidarAttack):
         near objects, "random-best" there with the selection of "best": the baseline that
         reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
-    near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
+    near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
 
     traits = LidarTraits(
@@ -87,6 +88,7 @@ class Detach(LidarAttack):
     rounds: int = 10
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     max_points: int | None = None
 
@@ -133,6 +135,7 @@ class Detach(LidarAttack):
         if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
         scene = cloud[finite]
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):

@@ -18,7 +18,7 @@ from advpipe.pipeline.core.plugins import plugin_errors, user_class
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.adapted import adapted_detector, detector_for_cloud
-from advpipe.pipeline.detector.protocol import ObjectDetector
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector, VoxelGrid
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
@@ -35,6 +35,7 @@ from advpipe.stages.evaluate.detection.comparison import (
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import pair_frames
+from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.random_change import SpentBudget
 from advpipe.stages.evaluate.detection.scoring import (
     CachedDetector,
@@ -164,7 +165,8 @@ class DetectionRun:
         victims: the detector as it is scored, and as an attack knows it, in the clean cloud's frame.
         """
         detector, known = victims
-        truth, result_of = clean.truth, partial(_cloud_result, detector, clean.truth, clean_cloud)
+        truth, grid = clean.truth, known.voxel_grid if isinstance(known, VoxelDetector) else None
+        result_of = partial(_cloud_result, detector, truth, clean_cloud, grid=grid)
         change = cloud_difference(clean_cloud, version.cloud)
         baselines = {}
         if n_tries := self._baseline_tries(provenance):
@@ -204,9 +206,14 @@ class DetectionRun:
 
 
 def _cloud_result(
-    detector: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
+    detector: CachedDetector,
+    truth: Truth,
+    clean: Cloud,
+    cloud: Cloud,
+    change: CloudDifference | None = None,
+    grid: VoxelGrid | None = None,
 ) -> CloudResult:
-    """The result of a cloud; without a change it is the clean cloud itself."""
+    """The result of a cloud; without a change it is the clean cloud itself. grid: the detector's voxels."""
     detections = detector.detect(cloud)
     matches = match(truth, detections, detector.classes)
     box_points = count_points(xyz(cloud), detections.boxes)
@@ -227,6 +234,7 @@ def _cloud_result(
         points_moved=len(change.moved),
         intensities_changed=len(change.intensity_changed),
         displacement=Displacement.of(clean, cloud, change),
+        traces=PointTraces.of(clean, cloud, change, grid),
         # Of a cloud that is as it was, there is no distance to ask for; it may have no points at all.
         chamfer_distance_m2=chamfer_distance(finite_xyz(clean), finite_xyz(cloud)) if is_changed else 0.0,
     )

@@ -126,6 +126,8 @@ def _notes(
     yield from uncounted_notes(scored.comparison.frames)
     if attacked and (hidden := attacked.objects_below_min_points):
         yield f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count."
+    if attack.parameters.get("truth") == "detections":
+        yield "The attacker was given the detections in the clean clouds, not the true boxes."
     if attack.query_budget is not None and 0 < baseline_tries < attack.query_budget:
         tries = f"{baseline_tries} tries, the attack the best of {attack.query_budget}"
         yield f"random-best is the best of {tries}."

@@ -153,7 +153,7 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
     """How the attacks changed the clouds, measured on the stored bags."""
     heads = (
         "condition", "CD m²", "removed", "added", "moved", "mean m", "RMS m", "median m", "95 % below m",
-        "farthest m", "added, farthest m",
+        "farthest m", "added, farthest m", "off their ray", "at a voxel's face %", "clean %",
     )  # fmt: skip
     tables = []
     for summary in summaries:
@@ -166,7 +166,10 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
         "changes",
         "Changes of the clouds",
         "Measured on the stored bags. Distances are those that points were moved, between the stored "
-        "coordinates; for an added point, the distance to the nearest point of the clean cloud.",
+        "coordinates; for an added point, the distance to the nearest point of the clean cloud. Off their "
+        "ray: moved points over 1 mm beside the ray from the LiDAR to where they were, which no real echo "
+        "is. At a voxel's face: moved and added points within 1.5 mm of one, and beside it all points of the "
+        "clean clouds.",
         tuple(tables),
     )
 
@@ -186,7 +189,18 @@ def _change_line(name: str, metrics: CloudMetrics) -> tuple[str, ...]:
         formatted_number(metrics.chamfer_distance_m2, 5),
         *(formatted_number(count, 0) for count in points),
         *(formatted_number(length_m or None, 4) for length_m in lengths_m),
+        _share_off_ray(metrics),
+        formatted_number(metrics.at_face_percent, 1),
+        formatted_number(metrics.at_face_clean_percent, 1),
     )
+
+
+def _share_off_ray(metrics: CloudMetrics) -> str:
+    """Such as `1,203 (98.2 %)` of the moved points."""
+    if not metrics.points_moved or metrics.points_off_ray is None:
+        return NOTHING
+    percent = 100 * metrics.points_off_ray / metrics.points_moved
+    return f"{metrics.points_off_ray:,} ({formatted_number(percent, 1)} %)"
 
 
 def recount_section(summaries: Sequence[Summary]) -> ReportSection:

@@ -17,8 +17,9 @@ ABOUT_BASELINES = (
 )
 
 WHITE_BOX = (
-    "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes, and "
-    "recipes best, robust and random-best also the rule that matches detections to them."
+    "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes (with --truth "
+    "detections what the detector finds in the clean cloud instead), and recipes best, robust and random-best "
+    "also the rule that matches detections to them."
 )
 
 OVERLAPS = "3D IoU of cars and trucks 0.7 (strict) or 0.5 (loose), of people and two-wheelers 0.5 or 0.25"

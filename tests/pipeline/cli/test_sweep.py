@@ -24,7 +24,7 @@ from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
 from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.evaluate.report.wording import RANDOM_BEST
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES
 from advpipe.stages.evaluate.run import Options, evaluate
 
 # 1 % of 600 points are six, so that one of the car's seven is left; 1.5 % are nine.
@@ -108,8 +108,8 @@ def test_the_page_begins_with_what_is_known_of_the_map(swept: Path) -> None:
     ]
     page = (swept / "report.html").read_text()
     assert page.index('<p class="banner" role="alert">Training map unknown') < page.index("<h1>")
-    assert RANDOM_BEST in report["caveats"]
-    for head in ("strongest plain random: ratio %", "significant", "lost, loose", "score at least"):
+    assert ABOUT_BASELINES in report["caveats"]
+    for head in ("random-best: strict ratio %", "significant", "lost, loose", "score at least"):
         assert f"<th>{head}</th>" in page
 
 
