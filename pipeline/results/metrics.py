@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated
@@ -141,7 +142,7 @@ class CloudMetrics:
         "without voxels; absent in older reports",
     ] = math.nan
     at_face_clean_percent: Annotated[
-        float, "the same of all points of the clean clouds; absent in older reports"
+        float, "at_face_percent of all points of the clean clouds, in percent; absent in older reports"
     ] = math.nan
 
     def record(self) -> Record:

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, BUDGETS
 from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.tables import RANDOM
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, steps_factor
 from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
-from advpipe.stages.evaluate.report.wording import TO_BEAT
 
 MARKS = ("o", "s", "^", "D", "v")
 PAPER = "the paper"
@@ -66,7 +66,7 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
         mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
         for title, colour, style, is_random in (
             (f"ours, recipe {recipe}", PREDICTION, f"{mark}-", False),
-            (f"{TO_BEAT} beside {recipe}", BASELINE, f"{mark}:", True),
+            (f"{RANDOM} beside {recipe}", BASELINE, f"{mark}:", True),
         ):
             points = [
                 point

@@ -9,6 +9,11 @@ from advpipe.pipeline.results.row import ResultRow
 TO_BEAT = "random-best"
 """The baseline that cards, verdicts and intervals compare an attack with."""
 
+OLDER_BASELINES = (
+    "Figures of older versions have no random-best: beside them stands the strongest of the plain random "
+    "baselines, the best of several whole draws, which is weaker."
+)
+
 ABOUT_BASELINES = (
     "The baseline to beat is random-best: it draws at random, judges as many tries as recipe best of the "
     "attack (or as --baseline-tries says), keeps the best for each object and allocates the budget to the "
@@ -17,9 +22,9 @@ ABOUT_BASELINES = (
 )
 
 WHITE_BOX = (
-    "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes (with --truth "
-    "detections what the detector finds in the clean cloud instead), and recipes best, robust and random-best "
-    "also the rule that matches detections to them."
+    "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes, or, with "
+    "--truth detections, what the detector finds in the clean cloud; and recipes best, robust and "
+    "random-best also the rule that matches detections to them."
 )
 
 OVERLAPS = "3D IoU of cars and trucks 0.7 (strict) or 0.5 (loose), of people and two-wheelers 0.5 or 0.25"

@@ -109,7 +109,7 @@ def test_the_page_begins_with_what_is_known_of_the_map(swept: Path) -> None:
     page = (swept / "report.html").read_text()
     assert page.index('<p class="banner" role="alert">Training map unknown') < page.index("<h1>")
     assert ABOUT_BASELINES in report["caveats"]
-    for head in ("random-best: strict ratio %", "significant", "lost, loose", "score at least"):
+    for head in ("random baseline: strict ratio %", "significant", "lost, loose", "score at least"):
         assert f"<th>{head}</th>" in page
 
 
