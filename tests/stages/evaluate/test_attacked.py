@@ -108,6 +108,9 @@ def test_moved_points(clean, attacked, tmp_path):
     assert row["baseline_full_max_displacement_m"] <= 6.0
     assert row["rms_displacement_m"] == pytest.approx(6.0, abs=1e-5)
     assert row["median_displacement_m"] == pytest.approx(row["p95_displacement_m"])
+    assert row["points_off_ray"] == 60 * FRAMES
+    assert row["at_face_percent"] is row["at_face_clean_percent"] is None  # a detector without voxels
+    assert f"{60 * FRAMES:,} (100.0 %)" in (tmp_path / "report" / "report.html").read_text()
 
 
 def test_attack_success_by_class_and_range(clean, attacked, tmp_path):
