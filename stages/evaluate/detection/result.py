@@ -129,7 +129,7 @@ def _notes(
     if attack.parameters.get("truth") == "detections":
         yield "The attacker was given the detections in the clean clouds, not the true boxes."
     if attack.query_budget is not None and 0 < baseline_tries < attack.query_budget:
-        tries = f"{baseline_tries} tries, the attack the best of {attack.query_budget}"
-        yield f"random-best is the best of {tries}."
+        beside = baseline_title(RANDOM_BEST, baseline_tries)
+        yield f"Fewer tries than the attack's {attack.query_budget}: {beside}."
     if significant_vs_random is False:
         yield f"Not significantly stronger than {baseline_title(RANDOM_BEST, baseline_tries)}."

@@ -164,7 +164,7 @@ def _ratio_card(
         title,
         _percent(value(attack)),
         _bounds(row, attack, criterion),
-        _beside(random, row, value, criterion),
+        _beside(random, value, criterion),
         "of the clean mAP is left; lower is worse for the detector",
         "map_ratio" if criterion == "strict" else "iou",
         compared=_name(row) if random else "",
@@ -177,7 +177,7 @@ def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRec
         "Objects lost",
         _percent(attack.lost_percent),
         _bounds(row, attack, "lost"),
-        _beside(random, row, _lost_share, "lost"),
+        _beside(random, _lost_share, "lost"),
         f"{attack.lost_objects:,} of {attack.found_clean:,} found objects are not found any more; "
         f"{attack.displaced_objects:,} more are displaced",
         "lost",
@@ -198,10 +198,10 @@ def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
     return no_interval(row.counts) if what == "strict" else ""
 
 
-def _beside(baseline: EffectRecord | None, row: ResultRow, value: Value, what: str) -> str:
+def _beside(baseline: EffectRecord | None, value: Value, what: str) -> str:
     if baseline is None:
         return ""
-    return f"{_name(row)}: {_percent(value(baseline))}" + _in_brackets(baseline, what)
+    return f"random baseline: {_percent(value(baseline))}" + _in_brackets(baseline, what)
 
 
 def _in_brackets(each: EffectRecord, what: str) -> str:

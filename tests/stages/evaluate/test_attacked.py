@@ -78,7 +78,7 @@ def test_random_best_hides_as_many_as_an_attack_that_takes_any_points_of_a_car(c
     assert row["random_best_map_ratio_percent"] < row["baseline_near_map_ratio_percent"]
     assert row["significant_vs_random"] is row["significant_vs_random_best"] is False
     assert row["significant_vs_baseline"] is True
-    assert "random-best is the best of 3 tries, the attack the best of 5." in row["notes"]
+    assert "Fewer tries than the attack's 5: random-best, 3 tries." in row["notes"]
     assert "Not significantly stronger than random-best, 3 tries." in row["notes"]
     page = (tmp_path / "report" / "report.html").read_text()
     assert "random-best, 3 tries (the attack 5), which spends the same budget randomly, leaves" in page
