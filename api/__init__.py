@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from advpipe.commands.sweep import sweep as sweep
     from advpipe.commands.train import train as train
     from advpipe.commands.verify import verify as verify
+    from advpipe.pipeline.adversary.targets import AttackTargets as AttackTargets
+    from advpipe.pipeline.adversary.targets import detection_loss as detection_loss
+    from advpipe.pipeline.adversary.targets import find_targets as find_targets
     from advpipe.pipeline.bag.frames import Frame as Frame
     from advpipe.pipeline.bag.reader import BagReader as BagReader
     from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
@@ -90,9 +93,6 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.lidar.base import LidarTraits as LidarTraits
     from advpipe.stages.attack.lidar.base import PublishedFigure as PublishedFigure
     from advpipe.stages.attack.lidar.base import unchanged as unchanged
-    from advpipe.stages.attack.lidar.targets import AttackTargets as AttackTargets
-    from advpipe.stages.attack.lidar.targets import detection_loss as detection_loss
-    from advpipe.stages.attack.lidar.targets import find_targets as find_targets
     from advpipe.stages.attack.summary import AttackSummary as AttackSummary
     from advpipe.stages.attack.v2x.base import AttackContext as AttackContext
     from advpipe.stages.attack.v2x.base import V2xAttack as V2xAttack
@@ -170,7 +170,7 @@ _NAMES_OF = {
     "stages.attack.lidar.base": (
         *("Budget", "LidarAttack", "LidarResult", "LidarTraits", "PublishedFigure", "unchanged"),
     ),
-    "stages.attack.lidar.targets": ("AttackTargets", "detection_loss", "find_targets"),
+    "pipeline.adversary.targets": ("AttackTargets", "detection_loss", "find_targets"),
     "stages.attack.summary": ("AttackSummary",),
     "stages.attack.v2x.base": ("AttackContext", "V2xAttack", "V2xTraits"),
     "stages.attack.v2x.cams": ("field_of", "with_fields"),

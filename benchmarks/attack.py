@@ -24,6 +24,7 @@ import numpy as np
 import torch
 from common import compare, finish, machine
 
+from advpipe.pipeline.adversary.targets import find_targets
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.detector.batching import run_batched
@@ -39,7 +40,6 @@ from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
-from advpipe.stages.attack.lidar.targets import find_targets
 from advpipe.stages.simulate.run import simulate
 
 MOST = 1.15

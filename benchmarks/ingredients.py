@@ -28,6 +28,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from advpipe.pipeline.adversary.targets import find_targets
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
@@ -55,7 +56,6 @@ from advpipe.stages.attack.lidar import (
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
-from advpipe.stages.attack.lidar.targets import find_targets
 
 OBJECTS = 20
 """With fewer objects of a class in the chosen frames, its average precision is not meaningful."""

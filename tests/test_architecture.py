@@ -28,7 +28,7 @@ LAYERS = (
     {"scenario"},
     {"bag", "baselines", "birds_eye", "labels", "results", "viewer"},
     {"image_labels", "replay", "dataset", "detector", "viewer_layouts"},
-    {"defences"},
+    {"adversary", "defences"},
 )
 """Of `pipeline/`, from the ground up; each imports only from its own layer and those below it."""
 

@@ -9,6 +9,11 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2]
 
+LABELS = tuple(
+    f"pipeline/labels/{name}.py"
+    for name in ("points", "cloud_change", "cloud_quantity", "quantities", "quantity")
+)
+
 CLOUDS = (
     "pipeline/messages/cloud.py",
     "pipeline/core/frame_slice.py",
@@ -17,13 +22,16 @@ CLOUDS = (
     "pipeline/bag/lidar_mount.py",
     "pipeline/bag/uncounted.py",
     "pipeline/messages/labels.py",
+    "pipeline/adversary",
     "pipeline/baselines.py",
     "pipeline/detector",
     "pipeline/geometry",
+    *LABELS,
     "pipeline/metrics",
     "pipeline/core/seeding.py",
 )
-"""The code that decides how clouds are read, how objects are detected in them, and how these are scored."""
+"""The code that decides how clouds are read, how objects are detected in them, how these are
+scored, and how a random baseline is drawn."""
 
 
 @cache

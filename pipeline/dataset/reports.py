@@ -66,6 +66,7 @@ class DetectionRow(Document):
     map_ratio_ci95: tuple[Number | None, Number | None] | None = None
     map_ratio_reason: ShortText = ""
     baseline_map_ratio_percent: Number | None = None
+    random_best_map_ratio_percent: Number | None = None
     lost_objects: Count | None = None
     working_score: Number | None = None
     objects_found_clean: Count | None = None

@@ -8,6 +8,7 @@ from functools import cache, partial
 from itertools import groupby
 from pathlib import Path
 
+from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
@@ -20,7 +21,7 @@ from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.clouds import AttackedCloud
 from advpipe.stages.attack.job import Job
-from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult, join_notes
+from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.build import adaptation_of, build_lidar_attack
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds

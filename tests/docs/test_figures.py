@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from advpipe.pipeline.adversary.constraints import Constraints
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.iou import iou_3d
 from advpipe.pipeline.metrics.average_precision import STRICT_IOU
 from advpipe.pipeline.scenario import load_scenario
-from advpipe.stages.attack.lidar.constraints import Constraints
 
 ROOT = Path(__file__).parents[2]
 README, RESULTS, LIDAR_ATTACKS, EVALUATION, SCENARIOS, DETECTOR = (

@@ -9,6 +9,22 @@ import numpy.typing as npt
 import torch
 from scipy.spatial import cKDTree
 
+from advpipe.pipeline.adversary.addition_problem import add_greedily
+from advpipe.pipeline.adversary.attack_objective import AttackObjective
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
+from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.greedy_allocation import queries
+from advpipe.pipeline.adversary.notes import join_notes
+from advpipe.pipeline.adversary.places import Places, ball_places, joined
+from advpipe.pipeline.adversary.random_best import (
+    MARGIN_M,
+    PLACES_PER_POINT,
+    REST_M,
+    RandomBest,
+    addition_sources,
+)
+from advpipe.pipeline.adversary.targets import detection_loss
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -17,9 +33,8 @@ from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POI
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
-from advpipe.stages.attack.lidar.attach_places import Places, ball_places, joined, voxel_places
+from advpipe.stages.attack.lidar.attach_places import voxel_places
 from advpipe.stages.attack.lidar.attach_problem import AttachProblem
-from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
@@ -29,15 +44,8 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
-from advpipe.stages.attack.lidar.goal import AttackGoal, goal_of, owners
-from advpipe.stages.attack.lidar.gradient import gradients_of
-from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
-from advpipe.stages.attack.lidar.selection import NoGradientError
-from advpipe.stages.attack.lidar.targets import detection_loss
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -50,27 +58,19 @@ MAX_EPS_M = 5.0
 MAX_POINTS = 100_000
 """About the points of a whole LiDAR cloud; more would not fit into memory."""
 
-MARGIN_M = 0.5
-"""Places this near to an object belong to it."""
-
 INSET_M = {"best": 0.002, "robust": 0.025}
 """The distance of added points from the faces of their voxel; 1 cm of jitter seldom moves one by 2.5 cm."""
 
 JITTER_M = 0.01
 """The noise under which the recipe `robust` evaluates its candidates."""
 
-REST_M = 0.02
-"""Points without any effect are added this near to clean ones, so that the cloud hardly changes."""
-
-BALL_PLACES = 200
-"""Candidate places per added point, for detectors without voxels and for the baseline `random-best`."""
-
 
 @dataclass(kw_only=True, eq=False)
 class Attach(LidarAttack):
     """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     points: how many points to add.
     eps_m: how far from the clean cloud's points they may lie.
@@ -79,14 +79,15 @@ class Attach(LidarAttack):
         for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a
         distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
         salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
-        around those near objects, "random-best" likewise with the selection of "best": the strongest
-        baseline, which reports do not score by themselves. New points copy the intensity of the point that
+        around those near objects, "random-best" likewise with the selection of "best": the baseline that
+        reports compare the attack with. New points copy the intensity of the point that
         they start from.
     rounds: how often "best" ranks the places.
-    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper".
+    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
+        lambda and gives no value.
     decay_m: "best" and "robust" multiply the gain of a point at distance d from the clean ones by
         exp(-(d / decay_m)**2): a small decay_m gives a small Chamfer distance.
-    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, intensity: see
+    along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, intensity: see
         `constraints.Constraints`.
     """
 
@@ -120,12 +121,13 @@ class Attach(LidarAttack):
     points: int = 300
     recipe: str = "best"
     rounds: int = 10
-    weight: float = 1.0
+    weight: float = 0.0
     decay_m: float = 1.0
     along_ray: bool = False
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     ghost: str | None = None
     intensity: bool = False
@@ -152,7 +154,12 @@ class Attach(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return queries(self.rounds) if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -165,6 +172,7 @@ class Attach(LidarAttack):
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
         if not len(scene):
             return unchanged(cloud, "no points to start from")
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
@@ -201,20 +209,21 @@ class Attach(LidarAttack):
         if self.recipe == "paper":
             count, weight = self.points, self.weight
             return salient_copies(clean, goal, detector, rules, count, self.eps_m, weight, rng), ""
-        near = np.flatnonzero((owners(clean[:, :3], boxes, MARGIN_M) >= 0) & rules.allowed)
-        sources = near if len(near) else everywhere
-        if self.recipe == "random-near":
-            return self._random_places(clean, sources, self.points, boxes, rules, rng), ""
-        places, note = self._candidates(clean, sources, boxes, detector, rules, rng)
+        if self.recipe in ("random-near", "random-best"):
+            random = RandomBest(clean, goal, detector, rules, self.query_budget, rng)
+            return random.added(self.points, self.eps_m), ""
+        sources = addition_sources(clean, boxes, rules)
+        if isinstance(detector, VoxelDetector):
+            grid, inset_m, note = detector.voxel_grid, INSET_M[self.recipe], ""
+            places = voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m)
+        else:
+            note = "no occupancy_loss: places by the gradient of the loss"
+            places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        objective, is_random = AttackObjective.of(goal, detector, clean), self.recipe == "random-best"
-        problem = AttachProblem(
-            clean, places, goal, objective, detector, rng, self.decay_m, jitter_m, is_random
-        )
-        chosen, reserve = greedy_allocation(problem, self.points, self.rounds)
-        best = places[np.concatenate([chosen, reserve])[: self.points]]
-        short = self.points - len(best)
-        if short:
+        objective = AttackObjective.of(goal, detector, clean)
+        problem = AttachProblem(clean, places, objective, rng, jitter_m, decay_m=self.decay_m)
+        best = add_greedily(problem, self.points, self.query_budget)
+        if short := self.points - len(best):
             note = join_notes(note, "nothing more to gain: the rest added at random")
             near_m = min(self.eps_m, REST_M)
             rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
@@ -222,22 +231,6 @@ class Attach(LidarAttack):
         if self.constraints.intensity:
             best = _with_intensity(clean, best, goal, objective, detector)
         return best, note
-
-    def _candidates(
-        self,
-        clean: Float32,
-        sources: Int64,
-        boxes: Float64,
-        detector: ObjectDetector,
-        rules: Rules,
-        rng: np.random.Generator,
-    ) -> tuple[Places, str]:
-        """The candidate places of `best`, `robust` and `random-best`."""
-        if self.recipe != "random-best" and isinstance(detector, VoxelDetector):
-            grid, inset_m = detector.voxel_grid, INSET_M[self.recipe]
-            return voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m), ""
-        note = "" if self.recipe == "random-best" else "no occupancy_loss: places by the gradient of the loss"
-        return self._random_places(clean, sources, BALL_PLACES * self.points, boxes, rules, rng), note
 
     def _random_places(
         self,

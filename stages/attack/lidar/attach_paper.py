@@ -8,13 +8,14 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from advpipe.pipeline.adversary.constraints import Rules, along_rays
+from advpipe.pipeline.adversary.displacement import ROUNDING_MARGIN
+from advpipe.pipeline.adversary.goal import AttackGoal
+from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.places import Places
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.stages.attack.lidar.attach_places import ROUNDING_FACTOR, Places
-from advpipe.stages.attack.lidar.constraints import Rules, along_rays
-from advpipe.stages.attack.lidar.goal import AttackGoal
-from advpipe.stages.attack.lidar.gradient import gradients_of
-from advpipe.stages.attack.lidar.selection import NoGradientError, choose_salient_points
+from advpipe.stages.attack.lidar.selection import choose_salient_points
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -79,5 +80,5 @@ def _gradient(clean: Float32, added: Float32, goal: AttackGoal, detector: Object
 
 def _at(start: Float32, offset_m: Float64) -> Float32:
     moved = start.copy()
-    moved[:, :3] = move_within(start[:, :3], offset_m * ROUNDING_FACTOR)
+    moved[:, :3] = move_within(start[:, :3], offset_m * (1 - ROUNDING_MARGIN))
     return moved

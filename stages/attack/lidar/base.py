@@ -50,11 +50,6 @@ def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
     return LidarResult(cloud, PointLabels.removed(np.zeros(0, np.int64)), loss, loss, note)
 
 
-def join_notes(*notes: str) -> str:
-    """Several notes on a frame as one; empty ones are left out."""
-    return "; ".join(filter(None, notes))
-
-
 @dataclass(frozen=True, kw_only=True)
 class PublishedFigure:
     """The paper's mAP ratio and Chamfer distance at one budget, as its table prints it: table_value."""
@@ -142,9 +137,14 @@ class LidarAttack(Attack):
 
     @property
     def query_budget(self) -> int | None:
-        """How many candidates the detector judges, of which the attack keeps the best; random baselines get
-        as many queries. None if it declares none."""
+        """How many candidates the detector judges, of which the attack keeps the best. None if it declares
+        none."""
         return None
+
+    @property
+    def baseline_tries(self) -> int | None:
+        """How many candidates the random baseline `random-best` judges: by default as many as the attack."""
+        return self.query_budget
 
     @property
     def needs_ground_truth(self) -> bool:

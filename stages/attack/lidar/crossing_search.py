@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.constraints import Rules
+from advpipe.pipeline.adversary.goal import AttackGoal
+from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.per_object_best import jittered
+from advpipe.pipeline.adversary.random_best import MOVE_MARGIN_M
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
-from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.crossings import find_crossings
-from advpipe.stages.attack.lidar.goal import AttackGoal
-from advpipe.stages.attack.lidar.gradient import gradients_of
-from advpipe.stages.attack.lidar.per_object_best import jittered
-from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ class CrossingSettings:
     is flat for confident detections and steep for false ones.
     """
 
-    margin_m: float = 1.0
+    margin_m: float = MOVE_MARGIN_M
     landing_m: float = 0.001
     momentum: float = 0.5
     first_probability: float = 0.9

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.displacement import ROUNDING_MARGIN
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelGrid
 
@@ -20,9 +21,6 @@ Bool = npt.NDArray[np.bool_]
 
 MAX_CELLS_AWAY = 2
 """The most cells that a point moves along each axis: farther cells are no better."""
-
-ROUNDING_MARGIN = 1e-9
-"""Displacements stay below their bound by this fraction, so that rounding exceeds none."""
 
 
 @dataclass(frozen=True)

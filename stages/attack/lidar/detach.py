@@ -7,6 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advpipe.pipeline.adversary.attack_objective import AttackObjective
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.greedy_allocation import queries
+from advpipe.pipeline.adversary.notes import join_notes
+from advpipe.pipeline.adversary.random_best import MARGIN_M, RandomBest
+from advpipe.pipeline.adversary.removal_problem import remove_greedily
+from advpipe.pipeline.adversary.targets import AttackTargets, detection_loss
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -15,7 +24,6 @@ from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, SHARE_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer
-from advpipe.stages.attack.lidar.attack_objective import AttackObjective
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
@@ -25,20 +33,12 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
-from advpipe.stages.attack.lidar.goal import AttackGoal, goal_of, owners
-from advpipe.stages.attack.lidar.greedy_allocation import greedy_allocation, queries
-from advpipe.stages.attack.lidar.selection import Indices, NoGradientError, choose_salient_points
-from advpipe.stages.attack.lidar.targets import AttackTargets, detection_loss
+from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
-
-MARGIN_M = 0.5
-"""Points this near to an object belong to it: detectors use its surroundings, too."""
 
 JITTER_M = 0.01
 """The noise under which the recipe `robust` evaluates its candidates."""
@@ -48,7 +48,8 @@ JITTER_M = 0.01
 class Detach(LidarAttack):
     """Remove exactly round(ratio * N) of a cloud's N points.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
@@ -56,10 +57,10 @@ class Detach(LidarAttack):
         budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
         without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
         the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the strongest baseline, which reports
-        do not score by themselves.
+        near objects, "random-best" there with the selection of "best": the baseline that
+        reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
-    near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
+    near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
 
     traits = LidarTraits(
@@ -87,6 +88,7 @@ class Detach(LidarAttack):
     rounds: int = 10
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     max_points: int | None = None
 
@@ -109,7 +111,12 @@ class Detach(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return queries(self.rounds) if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -128,17 +135,19 @@ class Detach(LidarAttack):
         if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
         scene = cloud[finite]
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
-        allowed = np.flatnonzero(Rules(self.constraints, xyz(scene), boxes).allowed)
+        rules = Rules(self.constraints, xyz(scene), boxes)
+        allowed = np.flatnonzero(rules.allowed)
         budget = min(self.budget(len(scene)), len(allowed))
         if not budget:
             return unchanged(cloud, join_notes(goal.note, "no point that may be removed"), loss_before)
         note = "" if budget == self.budget(len(scene)) else f"only {budget} points lie near enough"
         try:
-            chosen, shortage = self._choose(scene, allowed, budget, goal, detector, rng)
+            chosen, shortage = self._choose(scene, rules, budget, goal, detector, rng)
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
@@ -151,38 +160,32 @@ class Detach(LidarAttack):
     def _choose(
         self,
         scene: Cloud,
-        allowed: Indices,
+        rules: Rules,
         budget: int,
         goal: AttackGoal,
         detector: ObjectDetector,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
-        """The `budget` points to remove among the allowed points of a scene, and a note for the user."""
+        """The `budget` points of a scene to remove, and a note for the user."""
+        allowed = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
             return _random_points(scene, allowed, budget, rng), ""
         if self.recipe == "paper":
             return self._greedily(scene, allowed, budget, goal.loss_targets, detector, rng)
+        if self.recipe in ("random-near", "random-best"):
+            random = RandomBest(xyzi(scene), goal, detector, rules, self.query_budget, rng)
+            return random.removed(budget), ""
         owner = np.full(len(scene), -1, np.int64)
-        geometry = goal.targets.boxes.double().numpy()
-        owner[allowed] = owners(xyz(scene[allowed]), geometry, MARGIN_M)
-        chosen = reserve = np.zeros(0, np.int64)
-        if self.recipe == "random-near":
-            reserve = rng.permutation(np.flatnonzero(owner >= 0))
-        else:
-            jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-            is_random = self.recipe == "random-best"
-            objective = AttackObjective.of(goal, detector, xyzi(scene))
-            problem = DetachProblem(xyzi(scene), owner, goal, objective, detector, rng, jitter_m, is_random)
-            chosen, reserve = greedy_allocation(problem, budget, self.rounds)
-        chosen = np.concatenate([chosen, reserve])[:budget]
-        short = budget - len(chosen)
-        rest = np.setdiff1d(allowed, chosen, assume_unique=True)
-        is_plain = self.recipe in ("best", "robust") and not isinstance(detector, VoxelDetector)
-        note = join_notes(
-            "nothing more to gain: the rest removed at random" if short and self.recipe in QUERYING else "",
+        owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
+        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
+        objective = AttackObjective.of(goal, detector, xyzi(scene))
+        problem = DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
+        chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
+        is_plain = not isinstance(detector, VoxelDetector)
+        return chosen, join_notes(
+            "nothing more to gain: the rest removed at random" if short else "",
             "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )
-        return np.concatenate([chosen, _random_points(scene, rest, short, rng)]), note
 
     def _greedily(
         self,

@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.notes import join_notes
+from advpipe.pipeline.adversary.per_object_best import PerObjectBest
+from advpipe.pipeline.adversary.random_best import RandomBest
+from advpipe.pipeline.adversary.random_search import RandomSearch
+from advpipe.pipeline.adversary.targets import detection_loss
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -22,18 +31,13 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
-    join_notes,
     unchanged,
 )
-from advpipe.stages.attack.lidar.constraints import GOALS, Constraints, Rules
 from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
-from advpipe.stages.attack.lidar.goal import goal_of, owners, with_decoys
-from advpipe.stages.attack.lidar.per_object_best import PerObjectBest
 from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
-from advpipe.stages.attack.lidar.random_search import RandomSearch
 from advpipe.stages.attack.lidar.search import Search
-from advpipe.stages.attack.lidar.selection import NoGradientError
-from advpipe.stages.attack.lidar.targets import detection_loss
+
+Float32 = npt.NDArray[np.float32]
 
 MAX_EPS_CM = 500.0
 
@@ -43,8 +47,6 @@ NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
 RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
 """The default number of steps of each recipe: gradients, or random candidates."""
-
-RANDOM_RECIPES = ("random", "random-near", "random-best")
 
 SETTINGS = {
     "best": CrossingSettings(),
@@ -57,7 +59,8 @@ SETTINGS = {
 class Perturb(LidarAttack):
     """Move points by at most `eps_cm` centimetres each, in the Euclidean norm, as stored in float32.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
@@ -66,13 +69,13 @@ class Perturb(LidarAttack):
         of jitter; it is far weaker without jitter, and not significantly stronger than "random-best" under
         it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines:
         "random" moves all points by eps in a random direction, "random-near" those near objects, and
-        "random-best" draws `steps` candidates there, with the selection of "best": the strongest baseline,
-        which reports do not score by themselves.
+        "random-best" draws `steps` candidates there, with the selection of "best": the baseline that
+        reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
-    weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper". At 0.01 points
-        move by 2 mm (RMS, of 10 cm allowed), as steps have equal length for each point; at 0 by 8.7 cm, with
-        the Chamfer distance of the paper.
-    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, max_points, intensity: see
+    weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
+        lambda and gives no value. At 0 points move by 8.7 cm (RMS, of 10 cm allowed), with the Chamfer
+        distance of the paper; at 0.01 by 2 mm, as steps have equal length for each point.
+    along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, max_points, intensity: see
         `constraints.Constraints`. Points that are not finite stay as they are.
     """
 
@@ -103,11 +106,12 @@ class Perturb(LidarAttack):
     eps_cm: float
     recipe: str = "best"
     steps: int = 0
-    weight: float = 0.01
+    weight: float = 0.0
     along_ray: bool = False
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     ghost: str | None = None
     max_points: int | None = None
@@ -136,7 +140,12 @@ class Perturb(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return self.steps if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return self.steps if self.recipe in QUERYING else RECIPES["best"]
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -152,47 +161,18 @@ class Perturb(LidarAttack):
             return unchanged(cloud, "no points to move")
         scene = cloud[finite]
         points = xyzi(scene)
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before = detection_loss(detector, scene, goal.loss_targets)
         if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
-        is_querying = self.recipe in QUERYING
-        if is_querying and self.settings.decoys:
+        if self.recipe in QUERYING and self.settings.decoys:
             goal = with_decoys(goal, detector, scene, boxes)
-        rules = Rules(self.constraints, xyz(scene), boxes)
-        owner = owners(points[:, :3], goal.regions, self.settings.margin_m)
-        everywhere, near, note, jitter_m = np.ones(len(points), bool), owner >= 0, "", 0.0
-
-        # Choose the search of the recipe.
-        search: Search
-        if self.recipe in RANDOM_RECIPES:
-            mask = everywhere if self.recipe == "random" else near
-            search = RandomSearch(points, rules, mask, self.eps_m, rng)
-        elif self.recipe == "paper":
-            search = ProjectedGradientDescent(
-                points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
-            )
-        elif isinstance(detector, VoxelDetector):
-            search = CrossingSearch(points, goal, detector, rules, owner, self.eps_m, self.settings, rng)
-            jitter_m = self.settings.jitter_m
-        else:
-            search = ProjectedGradientDescent(points, goal, detector, rules, near, self.eps_m, rng)
-            note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
-        selection = None
-        if is_querying and self.settings.keep_best:
-            selection = PerObjectBest(goal, detector, points, owner, jitter_m, rng)
-
-        # Search, evaluate each candidate by the detector, and keep the best.
-        moved = points
         try:
-            for moved in search.candidates(self.steps):
-                search.accept(everywhere if selection is None else selection.update(moved))
+            moved, note = self._moved(points, goal, detector, Rules(self.constraints, xyz(scene), boxes), rng)
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
-        if selection is not None:
-            moved = selection.combined()
 
-        # Write the adversarial cloud and its labels.
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]
@@ -202,3 +182,40 @@ class Perturb(LidarAttack):
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
         note = join_notes(goal.note if len(goal.targets) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)
+
+    def _moved(
+        self,
+        points: Float32,
+        goal: AttackGoal,
+        detector: ObjectDetector,
+        rules: Rules,
+        rng: np.random.Generator,
+    ) -> tuple[Float32, str]:
+        """The points (N, 4) where they are moved to, and a note for the user."""
+        everywhere = np.ones(len(points), bool)
+        if self.recipe == "random":
+            return next(RandomSearch(points, rules, everywhere, self.eps_m, rng).candidates(1)), ""
+        if self.recipe in ("random-near", "random-best"):
+            random = RandomBest(points, goal, detector, rules, self.query_budget, rng)
+            return random.moved(self.eps_m), ""
+        if self.recipe == "paper":
+            paper = ProjectedGradientDescent(
+                points, goal, detector, rules, everywhere, self.eps_m, rng, self.weight
+            )
+            *_, last = paper.candidates(self.steps)
+            return last, ""
+        owner, note, jitter_m = owners(points[:, :3], goal.regions, self.settings.margin_m), "", 0.0
+        search: Search
+        if isinstance(detector, VoxelDetector):
+            search = CrossingSearch(points, goal, detector, rules, owner, self.eps_m, self.settings, rng)
+            jitter_m = self.settings.jitter_m
+        else:
+            search = ProjectedGradientDescent(points, goal, detector, rules, owner >= 0, self.eps_m, rng)
+            note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
+        best = None
+        if self.settings.keep_best:
+            best = PerObjectBest(goal, detector, points, owner, jitter_m, rng)
+        moved = points
+        for moved in search.candidates(self.steps):
+            search.accept(everywhere if best is None else best.update(moved))
+        return moved if best is None else best.combined(), note

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.baselines import move_within
+from advpipe.pipeline.adversary.constraints import Constraints, Rules
+from advpipe.pipeline.adversary.displacement import displaced
+from advpipe.pipeline.adversary.goal import AttackGoal
+from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.stages.attack.lidar.constraints import Constraints, Rules
-from advpipe.stages.attack.lidar.crossings import ROUNDING_MARGIN
-from advpipe.stages.attack.lidar.goal import AttackGoal
-from advpipe.stages.attack.lidar.gradient import gradients_of
-from advpipe.stages.attack.lidar.selection import NoGradientError
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -98,13 +95,3 @@ def project(offset: Tensor, reach_m: float) -> Tensor:
     """Displacements (N, 3), those longer than the reach shortened to it (the paper's Clip)."""
     length = offset.norm(dim=1, keepdim=True)
     return torch.where(length > reach_m, offset * (reach_m / length), offset)
-
-
-def displaced(points: Float32, offset_m: npt.NDArray[np.floating[Any]], reach_m: float) -> Float32:
-    """Points (N, 4) moved by offsets (N, 3), never farther than the reach, even after rounding to float32."""
-    offset = np.asarray(offset_m, np.float64)
-    length = np.linalg.norm(offset, axis=1, keepdims=True)
-    offset = offset * np.minimum(1.0, reach_m / np.maximum(length, 1e-300)) * (1 - ROUNDING_MARGIN)
-    moved = points.copy()
-    moved[:, :3] = move_within(points[:, :3], offset)
-    return moved

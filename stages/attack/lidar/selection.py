@@ -6,16 +6,12 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.targets import AttackTargets
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.stages.attack.lidar.gradient import gradients_of
-from advpipe.stages.attack.lidar.targets import AttackTargets
 
 Points = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
-
-
-class NoGradientError(Exception):
-    """The detector's loss does not depend on any point."""
 
 
 def choose_salient_points(

@@ -9,8 +9,8 @@ from dataclasses import replace
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.metrics import CleanMeans
 from advpipe.pipeline.results.records import EffectRecord
-from advpipe.pipeline.results.row import FrameCounts, ResultRow
-from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
+from advpipe.pipeline.results.row import RANDOM_BEST, FrameCounts, ResultRow
+from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
 from advpipe.stages.evaluate.report.headline_parts import Card, Headline
 from advpipe.stages.evaluate.report.numbers import (
@@ -26,7 +26,7 @@ from advpipe.stages.evaluate.report.numbers import (
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import Table
-from advpipe.stages.evaluate.report.wording import changed_points
+from advpipe.stages.evaluate.report.wording import TO_BEAT, changed_points
 
 Value = Callable[[EffectRecord], float]
 
@@ -125,10 +125,9 @@ def _of(effects: Sequence[EffectRecord], condition: str) -> EffectRecord:
     return next(each for each in effects if each.condition == condition)
 
 
-def _strongest(effects: Sequence[EffectRecord], value: Value) -> EffectRecord | None:
-    """The baseline with the lowest value; None where none has one."""
-    baselines = [each for each in effects if each.condition != "adv" and not math.isnan(value(each))]
-    return min(baselines, key=value, default=None)
+def _to_beat(effects: Sequence[EffectRecord]) -> EffectRecord | None:
+    """That of baseline `random_best`; None where it was not scored."""
+    return next((each for each in effects if each.condition == RANDOM_BEST), None)
 
 
 def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord], attack_count: int) -> str:
@@ -141,15 +140,11 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
     if math.isnan(attack.map_ratio_percent):
         return f"{subject}: the mAP ratio is {undefined_ratio(row.clean.means['strict'].map_r40)}."
     text = f"{subject} leaves the detector {_left(attack)}"
-    strict, loose = _strongest(effects, _strict_ratio), _strongest(effects, _loose_ratio)
-    if strict and loose:
-        both = (_percent(strict.map_ratio_percent), _percent(loose.map_loose_ratio_percent))
-        names = (_name(strict, row), _name(loose, row))
-        text += "; the strongest random baseline of the same budget leaves "
-        if names[0] == names[1]:
-            text += f"{both[0]} and {both[1]} ({names[0]})"
-        else:
-            text += f"{both[0]} ({names[0]}) and {both[1]} ({names[1]})"
+    if random := _to_beat(effects):
+        text += (
+            f"; {_name(row)}, which spends the same budget randomly, leaves "
+            f"{_percent(random.map_ratio_percent)} and {_percent(random.map_loose_ratio_percent)}"
+        )
     return text + "."
 
 
@@ -163,7 +158,7 @@ def _left(attack: EffectRecord) -> str:
 def _ratio_card(
     title: str, row: ResultRow, effects: Sequence[EffectRecord], criterion: str, value: Value
 ) -> Card:
-    attack, strongest = _of(effects, "adv"), _strongest(effects, value)
+    attack, random = _of(effects, "adv"), _to_beat(effects)
     if math.isnan(value(attack)):
         text = undefined_ratio(row.clean.means[criterion].map_r40)
         return Card(title, text.partition(":")[0], meaning=text, term="map_ratio")
@@ -171,24 +166,24 @@ def _ratio_card(
         title,
         _percent(value(attack)),
         _bounds(row, attack, criterion),
-        _beside(strongest, value, criterion),
+        _beside(random, value, criterion),
         "of the clean mAP is left; lower is worse for the detector",
         "map_ratio" if criterion == "strict" else "iou",
-        compared=_name(strongest, row) if strongest else "",
+        compared=_name(row) if random else "",
     )
 
 
 def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord]) -> Card:
-    strongest = _strongest(effects, lambda each: -each.lost_percent)
+    random = _to_beat(effects)
     return Card(
         "Objects lost",
         _percent(attack.lost_percent),
         _bounds(row, attack, "lost"),
-        _beside(strongest, _lost_share, "lost"),
+        _beside(random, _lost_share, "lost"),
         f"{attack.lost_objects:,} of {attack.found_clean:,} found objects are not found any more; "
         f"{attack.displaced_objects:,} more are displaced",
         "lost",
-        compared=_name(strongest, row) if strongest else "",
+        compared=_name(row) if random else "",
     )
 
 
@@ -208,7 +203,7 @@ def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
 def _beside(baseline: EffectRecord | None, value: Value, what: str) -> str:
     if baseline is None:
         return ""
-    return f"strongest random baseline: {_percent(value(baseline))}" + _in_brackets(baseline, what)
+    return f"random baseline: {_percent(value(baseline))}" + _in_brackets(baseline, what)
 
 
 def _in_brackets(each: EffectRecord, what: str) -> str:
@@ -223,12 +218,12 @@ def _map_card(title: str, mean: CleanMeans, counts: FrameCounts, term: str) -> C
     return Card(title, formatted_number(mean.map_r40, 3), bounds, term=term)
 
 
-def _name(baseline: EffectRecord, row: ResultRow) -> str:
-    """Such as `best of 13 draws near objects`."""
-    where = baseline_title(baseline.condition.removesuffix(BEST)).removeprefix("randomly").lstrip(", ")
-    if baseline.condition.endswith(BEST):
-        return f"best of {row.attack.baseline_tries} draws {where}"
-    return f"one draw {where}"
+def _name(row: ResultRow) -> str:
+    """Of the baseline to beat, such as `random-best, 13 tries`; with fewer than the attack, it says so."""
+    made_by = row.attack
+    title = baseline_title(RANDOM_BEST, made_by.baseline_tries)
+    is_short = made_by.query_budget is not None and made_by.baseline_tries < made_by.query_budget
+    return f"{title} (the attack {made_by.query_budget})" if is_short else title
 
 
 def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
@@ -236,18 +231,13 @@ def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
     several = len({row.detector for row in rows}) > 1
     heads = (
         "attack", *(("detector",) if several else ()), "mAP ratio, strict %", "95 %", "mAP ratio, loose %",
-        "95 %", "lost %", "lost", "displaced", "strongest baseline, strict %", "loose %", "lost %",
+        "95 %", "lost %", "lost", "displaced", f"{TO_BEAT}, strict %", "loose %", "lost %",
     )  # fmt: skip
     lines = []
     for row in rows:
         effects = _effects_of(report, row)
         attack = _of(effects, "adv")
-        values: tuple[Value, ...] = (
-            _strict_ratio,
-            _loose_ratio,
-            lambda each: -each.lost_percent,
-        )
-        strongest = [(_strongest(effects, value), value) for value in values]
+        random = _to_beat(effects)
         lines.append(
             (
                 attack_title(row.attack),
@@ -259,7 +249,10 @@ def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
                 formatted_number(attack.lost_percent, 1),
                 f"{attack.lost_objects:,} of {attack.found_clean:,}",
                 f"{attack.displaced_objects:,}",
-                *(formatted_number(abs(value(each)) if each else None, 1) for each, value in strongest),
+                *(
+                    formatted_number(value(random) if random else None, 1)
+                    for value in (_strict_ratio, _loose_ratio, _lost_share)
+                ),
             )
         )
     return Table("The main values of each attack", heads, tuple(lines))

@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.evaluation import plain_value
-from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
+from advpipe.pipeline.results.row import RANDOM_BEST, ResultRow
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import (
     class_table,
@@ -166,7 +166,7 @@ def _of(pictures: Sequence[ReportPicture], section: str, bag: str) -> list[Repor
 def precision_rows(result: ResultRow) -> list[list[str]]:
     """Average precision by class: class, boxes, then strict, loose and bird's-eye on each kind of cloud."""
     attacked = result.attacked.precisions.ap if result.attacked else {}
-    random = result.baselines.get(PLAIN_BASELINE)
+    random = result.baselines.get(RANDOM_BEST)
     on_each = (result.clean.precisions.ap, attacked, random.metrics.precisions.ap if random else {})
     return [
         [
@@ -185,7 +185,7 @@ def precision_rows(result: ResultRow) -> list[list[str]]:
 
 def _precision_table(result: ResultRow) -> Table:
     criteria = ("strict 3D", "loose 3D", "strict bird's-eye")
-    conditions = ("clean", "attack", "one random draw")
+    conditions = ("clean", "attack", "random-best")
     heads = ("class", "boxes", *(f"{each}: {cloud}" for each in criteria for cloud in conditions))
     lines = tuple(tuple(line) for line in precision_rows(result))
     return Table("Average precision (R40) by class, in [0, 1]", heads, lines)

@@ -82,8 +82,8 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
     section = ATTACK if attacked else CLEAN
     if attacked:
         caption = (
-            "Precision over recall, strict 3D: attacked, clean, and the weakest baseline, one draw at random "
-            "anywhere; with AP R40"
+            "Precision over recall, strict 3D: attacked, clean, and under random-best, which spends the same "
+            "budget; with AP R40"
         )
         figure = draw_precision_curves(summary, ATTACK_LINES)
         yield picture_of(section, bag, f"{bag}-precision_recall.png", caption, figure)

@@ -14,7 +14,7 @@ from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import formatted_number, undefined_ratio
 from advpipe.stages.evaluate.report.section import Formula, ReportSection
-from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, WHITE_BOX
 
 T = TypeVar("T", bound=Listed)
 
@@ -81,17 +81,14 @@ DEFINITIONS = (
         "baseline",
         "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
         "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, "
-        "every point by the attack's bound; best try: of as many tries as the attack's query budget (or as "
-        "stated) the one that hides most, chosen for each object by the detector's own result, and put "
-        "together. " + RANDOM_BEST,
-        ("baselines", "baseline_*", "baseline_near_*", "baseline_full_*", "baseline_tries"),
+        "every point by the attack's bound. " + ABOUT_BASELINES,
+        ("baselines", "random_best_*", "baseline_*", "baseline_near_*", "baseline_full_*", "baseline_tries"),
         title="Random baselines",
     ),
     Formula(
         "significant_vs_random",
-        "the 95 % interval of the paired difference of mAP ratios to every plain random baseline that is "
-        "scored beside the attack lies below 0; recipe random-best, which is stronger, is not compared. "
-        "With fewer than six blocks no interval is shown, and nothing is said of significance",
+        "the 95 % interval of the paired difference of mAP ratios to random-best lies below 0; with fewer "
+        "than six blocks no interval is shown, and nothing is said of significance",
         ("significant_vs_random", "map_ratio_delta_points_vs_*"),
         title="Significance against random baselines",
     ),

@@ -10,8 +10,8 @@ from scored import evaluate
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import xyz
-from advpipe.stages.evaluate.report.terminal import SHORT_RANDOM_BEST, SHORT_WHITE_BOX
-from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.terminal import SHORT_BASELINES, SHORT_WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, WHITE_BOX
 from advpipe.stages.evaluate.run import print_report
 
 
@@ -86,15 +86,15 @@ def test_the_baselines_are_called_what_they_are(clean, attacked, tmp_path, capsy
     page = text_of((tmp_path / "report" / "report.html").read_text())
     for tag in ("<code>", "</code>"):
         page = page.replace(tag, "`")
-    assert SHORT_RANDOM_BEST in printed
+    assert SHORT_BASELINES in printed
     assert SHORT_WHITE_BOX in printed
-    assert RANDOM_BEST in page.replace("&#39;", "'")
+    assert ABOUT_BASELINES in page.replace("&#39;", "'")
     assert WHITE_BOX in page.replace("&#39;", "'")
     for text in (printed, page.replace("&#39;", "'")):
-        assert "(the strongest plain random baseline)" in text
-        assert "Significant against plain random: yes." in text
+        assert "Δ of the mAP ratio to random-best, 1 try: " in text
+        assert "Significant: yes." in text
     document = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert "random-best, which is stronger" in document["formulas"]["significant_vs_random"]
+    assert "random-best lies below 0" in document["formulas"]["significant_vs_random"]
     assert "true boxes" in document["formulas"]["white_box"]
 
 

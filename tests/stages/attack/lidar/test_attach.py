@@ -7,12 +7,12 @@ from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 from scipy.spatial import cKDTree
 
+from advpipe.pipeline.adversary.constraints import Constraints, Rules
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.cloud import xyz, xyzi
 from advpipe.stages.attack.lidar.attach import RECIPES, Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
 from advpipe.stages.attack.lidar.base import NO_GRADIENT
-from advpipe.stages.attack.lidar.constraints import Constraints, Rules
 
 CHANCE = ("random", "random-near", "random-best")
 

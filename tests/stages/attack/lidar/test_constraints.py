@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from advpipe.pipeline.adversary.constraints import Constraints, Rules, along_rays
+from advpipe.pipeline.adversary.ghost_object import GhostObject
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.stages.attack.lidar.constraints import Constraints, Rules, along_rays
-from advpipe.stages.attack.lidar.ghost_object import GhostObject
 
 
 def rules(points, boxes=None, **options):

@@ -6,10 +6,10 @@ import pytest
 import torch
 from linear_detector import LinearVoxelDetector
 
+from advpipe.pipeline.adversary.gradient import gradients_of
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.detach import Detach
-from advpipe.stages.attack.lidar.gradient import gradients_of
 from advpipe.stages.attack.lidar.perturb import Perturb
 
 

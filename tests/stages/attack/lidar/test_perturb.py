@@ -7,10 +7,10 @@ import pytest
 import torch
 from cloud_moves import moved_m, rng
 
+from advpipe.pipeline.adversary.constraints import Rules
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import xyz, xyzi
-from advpipe.stages.attack.lidar.constraints import Rules
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
 from advpipe.stages.attack.lidar.pgd import project
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
-from advpipe.stages.attack.lidar.goal import AttackGoal
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]

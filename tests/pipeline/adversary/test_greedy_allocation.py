@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from advpipe.stages.attack.lidar.greedy_allocation import allocate, greedy_allocation
+from advpipe.pipeline.adversary.greedy_allocation import allocate, greedy_allocation, queries
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -54,17 +54,17 @@ class Wall:
 
 
 def test_greedy_allocation_takes_the_objects_that_fall_to_the_fewest_items():
-    chosen, reserve = greedy_allocation(Wall([9, 2, 1, 3]), 7, 10)
+    chosen, reserve = greedy_allocation(Wall([9, 2, 1, 3]), 7, queries(10))
     of = np.bincount(chosen // 10, minlength=4).tolist()
     assert of == [1, 2, 1, 3]  # one is left over, and scratches object 0
     assert not set(chosen.tolist()) & set(reserve.tolist())
-    assert len(greedy_allocation(Wall([9, 2, 1, 3]), 2, 10)[0]) <= 2
+    assert len(greedy_allocation(Wall([9, 2, 1, 3]), 2, queries(10))[0]) <= 2
 
 
 def test_a_choice_that_leant_on_a_neighbour_is_priced_anew():
     # Object 0 fell with four items as object 1 had lost some; alone it takes five. Object 1 never falls.
     problem = Wall([5, 99], helper=True)
-    chosen, _ = greedy_allocation(problem, 5, 10)
+    chosen, _ = greedy_allocation(problem, 5, queries(10))
     assert problem.evaluate(chosen)[0] == 1.0
     assert len(chosen) <= 5
 
@@ -72,6 +72,6 @@ def test_a_choice_that_leant_on_a_neighbour_is_priced_anew():
 def test_nothing_found_follows_the_gradient_once():
     problem = Wall([1, 1])
     problem.is_satisfied = lambda values: np.ones(2, bool)
-    chosen, reserve = greedy_allocation(problem, 4, 10)
+    chosen, reserve = greedy_allocation(problem, 4, queries(10))
     assert problem.asked == 1
     assert len(chosen) + len(reserve) >= 4

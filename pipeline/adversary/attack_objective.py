@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.goal import AttackGoal
+from advpipe.pipeline.adversary.per_object_best import cloud_of
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.stages.attack.lidar.goal import AttackGoal
-from advpipe.stages.attack.lidar.per_object_best import cloud_of
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The greedy search that `detach` and `attach` share: it allocates a budget of points to objects.
+"""Greedy allocation of a budget of points to objects, by `detach`, `attach` and the random baseline.
 
 Objects hardly affect each other, so one pass of the detector evaluates all of them at once. In each round
 every object that is still found loses (or gets) a few more points, and the detector shows the effect of this
@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.stages.attack.lidar.selection import NoGradientError
+from advpipe.pipeline.adversary.gradient import NoGradientError
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -48,9 +48,15 @@ def queries(rounds: int) -> int:
     return rounds + MAX_REVISIONS
 
 
-def greedy_allocation(problem: AllocationProblem, budget: int, rounds: int) -> tuple[Int64, Int64]:
-    """At most `budget` items with the highest total objective found in this many rounds; and the other items
-    that were tried, in order. Raises NoGradientError if there is no gradient in the first round."""
+def greedy_allocation(problem: AllocationProblem, budget: int, tries: int) -> tuple[Int64, Int64]:
+    """At most `budget` items with the highest total objective found; and the other items that were tried, in
+    order.
+
+    tries: how many candidates are evaluated at most, 2 or more: `MAX_REVISIONS` of them, or all but one,
+    evaluate combinations. Raises NoGradientError if there is no gradient in the first round.
+    """
+    revisions = min(MAX_REVISIONS, tries - 1)
+    rounds = tries - revisions
     depth = np.minimum(problem.max_items, budget)
     values = problem.evaluate(np.zeros(0, np.int64))
     objects = [ObjectCosts(value) for value in values]
@@ -77,7 +83,7 @@ def greedy_allocation(problem: AllocationProblem, budget: int, rounds: int) -> t
         values = problem.evaluate(_all_items(objects))
         for object_, value in zip(objects, values, strict=True):
             object_.end_round(value)
-    chosen = _best_together(problem, objects, budget)
+    chosen = _best_together(problem, objects, budget, revisions)
     return chosen, np.setdiff1d(_all_items(objects), chosen, assume_unique=True)
 
 
@@ -119,11 +125,13 @@ def allocate(costs: list[list[int]], all_values: list[list[float]], budget: int)
     return levels[::-1]
 
 
-def _best_together(problem: AllocationProblem, objects: list[ObjectCosts], budget: int) -> Int64:
+def _best_together(
+    problem: AllocationProblem, objects: list[ObjectCosts], budget: int, revisions: int
+) -> Int64:
     """The best combination of levels, evaluated together: an object may depend on its neighbours' items."""
     best, most = np.zeros(0, np.int64), -np.inf
     costs, all_values = [object_.cost for object_ in objects], [list(object_.values) for object_ in objects]
-    for _ in range(MAX_REVISIONS):
+    for _ in range(revisions):
         levels = allocate(costs, all_values, budget)
         items = np.array(
             [i for object_, r in zip(objects, levels, strict=True) for i in object_.up_to(r)], int

@@ -6,6 +6,10 @@ import torch
 from torch import Tensor
 
 
+class NoGradientError(Exception):
+    """The detector's loss does not depend on any point."""
+
+
 def gradients_of(loss: Tensor, *leaves: Tensor) -> list[Tensor]:
     """dL/dleaf for each of the leaves, in one backward pass; zero where the loss does not depend on it."""
     if not loss.requires_grad:

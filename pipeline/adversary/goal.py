@@ -1,7 +1,7 @@
 """The goal of an attack on a cloud: which objects it targets, which loss it optimises, and how it scores.
 
-The attacker knows the true boxes and scores its candidates by the overlaps and the matching of the
-evaluation: it knows more than the detector's weights.
+The attacker knows the true boxes, or takes the clean detections for them, and scores its candidates by the
+overlaps and the matching of the evaluation: it knows more than the detector's weights.
 """
 
 from __future__ import annotations
@@ -12,21 +12,24 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.constraints import Constraints
+from advpipe.pipeline.adversary.notes import join_notes
+from advpipe.pipeline.adversary.targets import AttackTargets, find_targets
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
 from advpipe.pipeline.metrics.matching import match_overlaps
-from advpipe.stages.attack.lidar.base import join_notes
-from advpipe.stages.attack.lidar.constraints import Constraints
-from advpipe.stages.attack.lidar.targets import AttackTargets, find_targets
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 FALSE_WEIGHT = 0.3
 """The weight of a false detection near an object: it costs precision, not recall."""
+
+DETECTED_SCORE = 0.3
+"""Detections with this score or more are the objects of an attacker without the true boxes."""
 
 NO_TARGETS = "no object to hide that the detector could find"
 
@@ -90,6 +93,18 @@ class AttackGoal:
                     np.maximum.at(false, away_m.argmin(axis=1), here.scores[wrong])
             on_objects = FALSE_WEIGHT * false - kept
         return np.concatenate([on_objects, seen_decoys])
+
+
+def known_boxes(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Boxes:
+    """The objects that the attacker knows: the true boxes, or what the detector finds in the clean cloud."""
+    if constraints.truth == "boxes":
+        return boxes
+    found = detector.detect(cloud)
+    sure = found.scores >= DETECTED_SCORE
+    label_of = np.array([CLASSES.index(name) for name in detector.classes], np.int64)
+    count = int(sure.sum())
+    labels = label_of[found.labels[sure]]
+    return Boxes(found.boxes[sure], labels, ("",) * count, np.full((count, 3), np.nan))
 
 
 def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.stages.attack.lidar.constraints import Rules
-from advpipe.stages.attack.lidar.pgd import displaced
+from advpipe.pipeline.adversary.constraints import Rules
+from advpipe.pipeline.adversary.displacement import displaced
 
 Float32 = npt.NDArray[np.float32]
 Bool = npt.NDArray[np.bool_]
