@@ -31,19 +31,18 @@ from advpipe.stages.evaluate.report.wording import TO_BEAT, changed_points
 Value = Callable[[EffectRecord], float]
 
 
-def strongest_attack(report: Report) -> ResultRow:
-    """The attacked row of the first detector with the lowest strict mAP ratio."""
-    rows = [row for row in report.results if row.attacked]
+def strongest_attack(rows: Sequence[ResultRow]) -> ResultRow:
+    """The one of these attacked rows, of the first's detector, with the lowest strict mAP ratio."""
     own = [row for row in rows if row.detector == rows[0].detector]
     return min(own, key=lambda row: _last(row.attacked.map_ratio_percent if row.attacked else math.nan))
 
 
 def detection_headline(report: Report) -> Headline:
     """The effect of the strongest attack on detection."""
-    row = strongest_attack(report)
+    rows = [each for each in report.results if each.attacked]
+    row = strongest_attack(rows)
     effects = _effects_of(report, row)
     attack = _of(effects, "adv")
-    rows = [each for each in report.results if each.attacked]
     found = (
         _ratio_card("mAP ratio, strict", row, effects, "strict", _strict_ratio),
         _ratio_card("mAP ratio, loose", row, effects, "loose", _loose_ratio),

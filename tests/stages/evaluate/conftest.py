@@ -22,8 +22,8 @@ def clean(tmp_path_factory):
 @pytest.fixture
 def no_pictures(monkeypatch):
     """For tests of figures and tables: the pictures of each bag take half the time of a small evaluation."""
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._clean_pictures", lambda *_: ())
+    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_, **__: ())
+    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._clean_pictures", lambda *_, **__: ())
 
 
 @pytest.fixture

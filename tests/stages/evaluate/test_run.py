@@ -129,7 +129,7 @@ def test_clean_bag_alone(clean, tmp_path, capsys):
     assert row["map_adv"] is row["map_ratio_percent"] is row["chamfer_distance_m2"] is None
     figures = {path.name for path in (tmp_path / "report" / "figures").glob("*.png")}
     assert {"precision_recall.png", "strata.png"} <= figures
-    assert len(figures) == 2 + 4  # two of the worst frames and two of the best
+    assert len(figures) == 2 + 4 + 2  # two of the worst frames, two of the best, and the worst in two shapes
     print_report(report)
     printed = capsys.readouterr().out
     assert "mAP 1.000; car alone 1.000" in printed
@@ -170,7 +170,7 @@ def test_folder_holds_the_whole_report(clean, attacked, tmp_path):
 
     page = (out / "report.html").read_text()
     assert not re.search(r"""(src|href)\s*=\s*["'](?!data:|#)""", page)  # needs no other file, no network
-    shown = set(re.findall(r'src="(data:image/(?:png|svg\+xml);base64,[^"]+)"', page))
+    shown = set(re.findall(r'src(?:set)?="(data:image/(?:png;base64|svg\+xml),[^"]+)"', page))
     assert len(shown) == len(list((out / "figures").glob("*.png")))
     assert "82.50" in page  # (26/40 + 1) / 2: car and pedestrian
 
