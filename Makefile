@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+ORACLES := $(VENV)/.oracles
 DEMO_FRAMES ?= ::5
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
@@ -36,10 +37,11 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(BIN)/python -m advpipe.pipeline.core.missing_library
 	@touch $@
 
-# All three stages on eight clouds of a map that the detector has not seen: two minutes on two cores.
+# All three stages on eight clouds of a map that the detector has not seen: under two minutes on two cores. Half of
+# the rounds that `detach` usually takes do nearly as much.
 demo: $(INSTALLED)
 	$(BIN)/advpipe simulate district --set simulation.duration_s=4 --out datasets/demo --overwrite
-	$(BIN)/advpipe attack datasets/demo --type detach --ratio 1% --frames $(DEMO_FRAMES) --overwrite
+	$(BIN)/advpipe attack datasets/demo --type detach --ratio 1% --rounds 5 --frames $(DEMO_FRAMES) --overwrite
 	$(BIN)/advpipe evaluate datasets/demo --baseline-tries 2 --overwrite
 	@echo "        $(BIN)/advpipe attacks"
 
@@ -51,18 +53,21 @@ sample: $(INSTALLED)
 	cp build/sample/clean/clean_0.mcap build/sample/clean/metadata.yaml sample/clean/
 
 # In the order of the folders: xdist would put files of few tests last, and those are the long ones.
-test: $(INSTALLED) lint
+test: $(INSTALLED) $(ORACLES) lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not nightly" tests
 
 wheel-test:
 	PYTHON=$(PYTHON) TORCH_INDEX=$(TORCH_INDEX) tests/wheel.sh
 
-nightly: $(INSTALLED) oracles
+nightly: $(INSTALLED) $(ORACLES)
 	$(BIN)/python -m pytest tests
 
-# The development kits of nuScenes and Argoverse 2, 400 MB, which nightly tests compare with.
-oracles: $(INSTALLED)
-	$(PIP_INSTALL) --no-deps --requirement tests/oracles.txt
+# The development kits of nuScenes and Argoverse 2, 70 MB. Where they cannot be had, the tests that compare with
+# them are skipped; on the integration server that is a failure.
+oracles: $(ORACLES)
+
+$(ORACLES): tests/oracles.txt | $(INSTALLED)
+	$(PIP_INSTALL) --no-deps --requirement tests/oracles.txt && touch $@ || test -z "$$CI"
 
 # Hostile inputs of all formats; docs/fuzzing.md explains how to repeat one. Exit code 1 for findings.
 fuzz: $(INSTALLED)

@@ -15,6 +15,12 @@ sys.path.insert(0, str(Path(__file__).parent))  # of helpers that tests of sever
 # Tests run in parallel processes, so more threads would only slow them down.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# For the same reason each worker of pytest-xdist keeps to one core: commands start no processes of their own
+# unless a test asks for them, since every process loads the libraries anew, in three seconds.
+if (worker := os.environ.get("PYTEST_XDIST_WORKER")) and hasattr(os, "sched_setaffinity"):
+    cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {cores[int(worker.removeprefix("gw")) % len(cores)]})
+
 # Without bytecode, each of the hundreds of processes compiles the libraries anew, in six seconds.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False

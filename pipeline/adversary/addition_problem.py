@@ -8,9 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
+from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.greedy_allocation import greedy_allocation
 from advpipe.pipeline.adversary.per_object_best import jittered
 from advpipe.pipeline.adversary.places import Places
+from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -24,12 +27,12 @@ KEPT_CANDIDATES, NEW_CANDIDATES = 300, 500
 """Places of an object that are evaluated each round: the best of earlier rounds, and random new ones."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class AdditionProblem:
     """The items are places; taking one adds a point there. It proposes random places.
 
-    clean: (N, 4) float32. jitter_m: standard deviation of the noise for proposals and evaluations; 0 for
-    none.
+    clean: (N, 4) float32. jitter_m: standard deviation of the noise that the detector sees the points under;
+    0 for none.
     """
 
     clean: Float32
@@ -37,10 +40,13 @@ class AdditionProblem:
     objective: AttackObjective
     rng: np.random.Generator
     jitter_m: float = 0.0
-    _gain: Float64 = field(init=False)
+    focus: Focus = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_gain", np.full(len(self.places), -np.inf))
+        self._all = np.concatenate([self.clean, self.places.points])
+        self.focus = Focus(self._all, self.objective.goal.targets.boxes.double().numpy())
+        self._gain = np.full(len(self.places), -np.inf)
+        self._pool = np.zeros(0, np.int64)
 
     @property
     def max_items(self) -> Int64:
@@ -49,27 +55,44 @@ class AdditionProblem:
         available = np.bincount(owner[owner >= 0], minlength=len(goal.targets))
         return available if goal.aim == "create" else np.minimum(available, MAX_POINTS_PER_OBJECT)
 
-    def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
+    @property
+    def clean_values(self) -> Float64:
+        return self.objective.clean_values
+
+    def look(self, taken: Int64, *, will_propose: bool) -> Float64:
+        is_there = np.arange(len(self._all)) < len(self.clean)
+        is_there[len(self.clean) + taken] = True
+        shown = self.focus.shown[is_there[self.focus.shown]]
+        points = jittered(self._all[shown], self.jitter_m, self.rng)
+        if not will_propose:
+            return self.objective.value(self.objective.detector.detect(cloud_of_xyzi(points)))
         free = np.ones(len(self.places), bool)
         free[taken] = False
-        pools = [self._pool(np.flatnonzero(free & (self.places.owner == m))) for m in np.flatnonzero(wanted)]
-        pool = np.concatenate([np.zeros(0, np.int64), *pools])
-        if len(pool):
-            self._gain[pool] = self.gains(taken, pool)
+        pools = [
+            self._choose(np.flatnonzero(free & (self.places.owner == number)))
+            for number in np.flatnonzero(self.focus.is_open)
+        ]
+        self._pool = np.concatenate([np.zeros(0, np.int64), *pools])
+        found, self._gain[self._pool] = self.assessed(points, shown)
+        return self.objective.value(found)
+
+    def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
+        del taken, room
         proposals = []
         for number, count in enumerate(wanted):
-            mine = pool[self.places.owner[pool] == number] if count else np.zeros(0, np.int64)
+            mine = self._pool[self.places.owner[self._pool] == number] if count else np.zeros(0, np.int64)
             best = mine[np.argsort(-self._gain[mine], kind="stable")[:count]]
             proposals.append(best[self._gain[best] > 0])
         return proposals
 
     def evaluate(self, taken: Int64) -> Float64:
-        return self.objective(self.with_added(taken))
+        points = np.concatenate([self.clean, self.places.points[taken]])
+        return self.objective(jittered(points, self.jitter_m, self.rng))
 
     def is_satisfied(self, values: Float64) -> Bool:
         return self.objective.is_satisfied(values)
 
-    def _pool(self, mine: Int64) -> Int64:
+    def _choose(self, mine: Int64) -> Int64:
         """The places of an object to evaluate in this round."""
         known = np.isfinite(self._gain[mine])
         best = mine[known][np.argsort(-self._gain[mine[known]], kind="stable")[:KEPT_CANDIDATES]]
@@ -78,15 +101,12 @@ class AdditionProblem:
         ]
         return np.concatenate([best, fresh])
 
-    def gains(self, taken: Int64, pool: Int64) -> Float64:
-        """The estimated gain (K,) of a point at each place of the pool, beside those taken."""
-        del taken
-        return self.rng.random(len(pool)) + 1e-9
-
-    def with_added(self, taken: Int64) -> Float32:
-        """The clean points, and those at the taken places, under the noise."""
-        points = np.concatenate([self.clean, self.places.points[taken]])
-        return jittered(points, self.jitter_m, self.rng)
+    def assessed(self, points: Float32, shown: Int64) -> tuple[Detections, Float64]:
+        """What the detector finds in these points, (K, 4), the clean ones and places `shown`, (K,), under the
+        noise; and the estimated gain of one more at each place of the pool."""
+        del shown
+        found = self.objective.detector.detect(cloud_of_xyzi(points))
+        return found, self.rng.random(len(self._pool)) + 1e-9
 
 
 def add_greedily(problem: AdditionProblem, count: int, tries: int) -> Places:

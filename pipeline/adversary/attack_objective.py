@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.adversary.goal import AttackGoal
-from advpipe.pipeline.detector.protocol import ObjectDetector
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
 Float32 = npt.NDArray[np.float32]
@@ -34,6 +34,11 @@ class AttackObjective:
     detector: ObjectDetector
     clean_success: Float64
 
+    @property
+    def clean_values(self) -> Float64:
+        """The objective (M,) of the clean points."""
+        return self.clean_success if self.goal.aim == "create" else np.zeros(len(self.clean_success))
+
     @staticmethod
     def of(goal: AttackGoal, detector: ObjectDetector, clean: Float32) -> AttackObjective:
         """The objective for attacks on these clean points (N, 4)."""
@@ -41,7 +46,11 @@ class AttackObjective:
 
     def __call__(self, points: Float32) -> Float64:
         """The objective (M,) of each object of the goal for these points (K, 4)."""
-        success, was = self.goal.success(self.detector.detect(cloud_of_xyzi(points))), self.clean_success
+        return self.value(self.detector.detect(cloud_of_xyzi(points)))
+
+    def value(self, found: Detections) -> Float64:
+        """The objective (M,) of each object of the goal if these are detected."""
+        success, was = self.goal.success(found), self.clean_success
         if self.goal.aim == "create":
             return success
         partial = SCORE_LOSS_SHARE * np.clip((success - was) / np.maximum(-was, 1e-9), 0, 1)

@@ -24,6 +24,8 @@ Bool = npt.NDArray[np.bool_]
 
 GOALS = ("break", "hide")
 
+TRUTHS = ("boxes", "detections")
+
 OBJECT_MARGIN_M = 1.0
 """The reach of an attack on chosen objects around them, if `near_objects_m` is not given."""
 
@@ -46,6 +48,8 @@ class Constraints:
         strict overlap: a box of a mean car, 4.5 x 1.8 x 1.6 m, is a miss from 13 cm along all three axes at
         once, 32 cm sideways or 80 cm lengthways on), or "hide" objects: no box that overlaps them loosely is
         left. Recipes that do not query the detector have no such choice.
+    truth: the objects that the attacker knows: the true "boxes", or, without labels, the "detections" in the
+        clean cloud with a score of at least 0.3.
     objects: attack these boxes alone: hide them. By id; by place ("0", ...) where the truth has no ids.
     ghost: instead of hiding objects, make the detector find this ghost object.
     max_points: at most so many points of a cloud are touched.
@@ -56,6 +60,7 @@ class Constraints:
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = field(default=())
     ghost: GhostObject | None = None
     max_points: int | None = None
@@ -69,6 +74,10 @@ class Constraints:
             raise UsageError(f"max_points is {limit}, but must be a whole number from 1 up")
         if self.goal not in GOALS:
             raise UsageError(f"goal is {self.goal!r}; {known_names(self.goal, GOALS)}")
+        if self.truth not in TRUTHS:
+            raise UsageError(f"truth is {self.truth!r}; {known_names(self.truth, TRUTHS)}")
+        if self.objects and self.truth != TRUTHS[0]:
+            raise UsageError("objects are chosen by the ids of true boxes; leave out objects or truth")
         if self.ghost and (self.objects or self.goal == "hide"):
             raise UsageError("hiding objects and creating a ghost object are two attacks; give one of them")
 
@@ -102,7 +111,8 @@ class Constraints:
         """Whether attacks under them touch only what lies at true boxes; is_random: points are chosen
         randomly, not by the objects."""
         is_near_boxes = bool(self.objects) or self.near_objects_m is not None
-        return self.ghost is None and (is_near_boxes or not is_random)
+        takes_boxes = self.ghost is None and self.truth == TRUTHS[0]
+        return takes_boxes and (is_near_boxes or not is_random)
 
     def attacked(self, boxes: Boxes, points: Float32) -> Boxes:
         """The targeted boxes: all, those of `objects`, or the ghost object in the cloud (N, 3).

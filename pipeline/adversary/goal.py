@@ -1,7 +1,7 @@
 """The goal of an attack on a cloud: which objects it targets, which loss it optimises, and how it scores.
 
-The attacker knows the true boxes and scores its candidates by the overlaps and the matching of the
-evaluation: it knows more than the detector's weights.
+The attacker knows the true boxes, or takes the clean detections for them, and scores its candidates by the
+overlaps and the matching of the evaluation: it knows more than the detector's weights.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ Bool = npt.NDArray[np.bool_]
 
 FALSE_WEIGHT = 0.3
 """The weight of a false detection near an object: it costs precision, not recall."""
+
+DETECTED_SCORE = 0.3
+"""Detections with this score or more are the objects of an attacker without the true boxes."""
 
 NO_TARGETS = "no object to hide that the detector could find"
 
@@ -99,6 +102,18 @@ class AttackGoal:
         if self.aim != "create":
             done[: len(self.targets)] = success[: len(self.targets)] >= 0
         return done
+
+
+def known_boxes(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Boxes:
+    """The objects that the attacker knows: the true boxes, or what the detector finds in the clean cloud."""
+    if constraints.truth == "boxes":
+        return boxes
+    found = detector.detect(cloud)
+    sure = found.scores >= DETECTED_SCORE
+    label_of = np.array([CLASSES.index(name) for name in detector.classes], np.int64)
+    count = int(sure.sum())
+    labels = label_of[found.labels[sure]]
+    return Boxes(found.boxes[sure], labels, ("",) * count, np.full((count, 3), np.nan))
 
 
 def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.gradient import NoGradientError
 
 Int64 = npt.NDArray[np.int64]
@@ -32,12 +33,24 @@ class AllocationProblem(Protocol):
     def max_items(self) -> Int64:
         """The most items that each object (M,) may take."""
 
+    @property
+    def clean_values(self) -> Float64:
+        """The objective (M,) of the objects with nothing taken."""
+
+    @property
+    def focus(self) -> Focus:
+        """The objects that are still looked at."""
+
+    def look(self, taken: Int64, *, will_propose: bool) -> Float64:
+        """The objective (M,) of the objects with these items taken, valid for open ones alone; higher is
+        better for the attacker. will_propose: `propose` follows for these items."""
+
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
-        """The next items of each object, the most effective first, given the items already taken: about
-        `wanted` (M,) of them, none where that is 0, never more than `room` (M,), and none already taken."""
+        """The next items of each object, the most effective first, given the items already taken and looked
+        at: about `wanted` (M,) of them, none where that is 0, never more than `room` (M,), and none taken."""
 
     def evaluate(self, taken: Int64) -> Float64:
-        """The objective (M,) of the objects with these items taken; higher is better for the attacker."""
+        """The objective (M,) of all objects with these items taken, in the whole cloud."""
 
     def is_satisfied(self, values: Float64) -> Bool:
         """Which objects (M,) need no more items, by their objective."""
@@ -58,10 +71,13 @@ def greedy_allocation(problem: AllocationProblem, budget: int, tries: int) -> tu
     revisions = min(MAX_REVISIONS, tries - 1)
     rounds = tries - revisions
     depth = np.minimum(problem.max_items, budget)
-    values = problem.evaluate(np.zeros(0, np.int64))
+    values = problem.clean_values
     objects = [ObjectCosts(value) for value in values]
     # The detector finds nothing in the clean cloud: follow the gradient once.
     is_solved = problem.is_satisfied(values).all()
+    if not is_solved:
+        problem.focus.close(problem.is_satisfied(values))
+    problem.look(_all_items(objects), will_propose=True)
     for round_ in range(1, rounds + 1):
         goals = np.ceil(depth * (round_ / rounds) ** GROWTH_POWER).astype(np.int64)
         taken = np.array([len(object_.items) for object_ in objects], np.int64)
@@ -80,7 +96,9 @@ def greedy_allocation(problem: AllocationProblem, budget: int, tries: int) -> tu
             break
         for object_, items in zip(objects, proposals, strict=True):
             object_.items.extend(items.tolist())
-        values = problem.evaluate(_all_items(objects))
+        seen = problem.look(_all_items(objects), will_propose=round_ < rounds)
+        values = np.where(problem.focus.is_open, seen, values)
+        problem.focus.close(problem.is_satisfied(values))
         for object_, value in zip(objects, values, strict=True):
             object_.end_round(value)
     chosen = _best_together(problem, objects, budget, revisions)

@@ -12,15 +12,16 @@ import numpy.typing as npt
 
 from advpipe.pipeline.adversary.addition_problem import AdditionProblem, add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import Rules
+from advpipe.pipeline.adversary.constraints import Constraints, Rules
 from advpipe.pipeline.adversary.focus import Focus
-from advpipe.pipeline.adversary.goal import AttackGoal, owners
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.per_object_best import PerObjectBest
-from advpipe.pipeline.adversary.places import Places, ball_places, joined
+from advpipe.pipeline.adversary.places import Places, ball_places, joined, no_places
 from advpipe.pipeline.adversary.random_search import RandomSearch
 from advpipe.pipeline.adversary.removal_problem import RemovalProblem, remove_greedily
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.pipeline.messages.cloud import cloud_of_xyzi
+from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import Cloud, cloud_of_xyzi, xyz, xyzi
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -43,8 +44,8 @@ REST_M = 0.02
 class RandomBest:
     """Random changes of a cloud of points (N, 4), all finite, with the best of `tries` for each object.
 
-    boxes: of the objects to break, hide or create are in the goal. One try is not judged: a random change
-    near objects.
+    Where several are combined they are judged again, and the whole is kept if it is better. One try is not
+    judged: it is a random change near objects.
     """
 
     points: Float32
@@ -117,3 +118,58 @@ def addition_sources(points: Float32, boxes: Float64, rules: Rules) -> Int64:
     allowed ones if there are none."""
     near = np.flatnonzero((owners(points[:, :3], boxes, MARGIN_M) >= 0) & rules.allowed)
     return near if len(near) else np.flatnonzero(rules.allowed)
+
+
+@dataclass(frozen=True)
+class RandomBudget:
+    """What an attack spent on a cloud: points removed and added; how far a new point may lie from the one
+    that it starts at; how far points may move, 0 where none did; and whether intensities changed."""
+
+    removed: int
+    added: int
+    added_reach_m: float
+    moved_reach_m: float
+    changes_intensity: bool = False
+
+    @property
+    def changes(self) -> int:
+        """In how many ways it changes a cloud; each gets its part of the tries."""
+        return bool(self.removed) + bool(self.added) + bool(self.moved_reach_m or self.changes_intensity)
+
+
+def random_best(
+    cloud: Cloud,
+    boxes: Boxes,
+    detector: ObjectDetector,
+    constraints: Constraints,
+    budget: RandomBudget,
+    *,
+    tries: int,
+    rng: np.random.Generator,
+) -> Cloud:
+    """A cloud (N,) under random changes of this budget, the best of so many tries for each object.
+
+    As it was where nothing was spent, or where there is no object that the attack could target.
+    """
+    finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
+    if not budget.changes or not len(finite):
+        return cloud.copy()
+    constraints = replace(constraints, intensity=constraints.intensity or budget.changes_intensity)
+    scene = cloud[finite]
+    boxes = known_boxes(constraints, detector, scene, boxes)
+    goal, rules = goal_of(constraints, detector, scene, boxes), Rules(constraints, xyz(scene), boxes)
+    if not len(goal.targets):
+        return cloud.copy()
+    random = RandomBest(xyzi(scene), goal, detector, rules, max(1, tries // budget.changes), rng)
+    changed = cloud.copy()
+    if budget.moved_reach_m or budget.changes_intensity:
+        decoyed = goal if random.tries == 1 else with_decoys(goal, detector.detect(scene), boxes)
+        moved = replace(random, goal=decoyed).moved(budget.moved_reach_m)
+        for column, name in enumerate(("x", "y", "z", "intensity")):
+            changed[name][finite] = moved[:, column]
+    removed = finite[random.removed(budget.removed)] if budget.removed else finite[:0]
+    new = random.added(budget.added, budget.added_reach_m) if budget.added else no_places()
+    added = scene[new.source]
+    for column, name in enumerate(("x", "y", "z", "intensity")):
+        added[name] = new.points[:, column]
+    return np.concatenate([np.delete(changed, removed), added])

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
+from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.greedy_allocation import greedy_allocation
 from advpipe.pipeline.adversary.per_object_best import jittered
+from advpipe.pipeline.detector.protocol import Detections
+from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -20,12 +23,12 @@ MAX_SHARE_PER_OBJECT = 0.85
 """The largest share of its points that an object may lose during the search."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class RemovalProblem:
     """The items are points of the clean cloud, (N, 4); taking one removes it. It proposes random points.
 
     owner: (N,) the object of the goal that each point belongs to, -1 for one that must not be touched.
-    jitter_m: standard deviation of the noise for proposals and evaluations; 0 for none.
+    jitter_m: standard deviation of the noise that the detector sees the points under; 0 for none.
     """
 
     points: Float32
@@ -33,12 +36,25 @@ class RemovalProblem:
     objective: AttackObjective
     rng: np.random.Generator
     jitter_m: float = 0.0
+    focus: Focus = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.focus = Focus(self.points, self.objective.goal.targets.boxes.double().numpy())
 
     @property
     def max_items(self) -> Int64:
         of_object = np.bincount(self.owner[self.owner >= 0], minlength=len(self.objective.goal.targets))
         most: Int64 = np.ceil(MAX_SHARE_PER_OBJECT * of_object).astype(np.int64)
         return most
+
+    @property
+    def clean_values(self) -> Float64:
+        return self.objective.clean_values
+
+    def look(self, taken: Int64, *, will_propose: bool) -> Float64:
+        left = np.setdiff1d(self.focus.shown, taken, assume_unique=True)
+        points = jittered(self.points[left], self.jitter_m, self.rng)
+        return self.objective.value(self.detected(points, left, will_propose))
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         left = np.setdiff1d(np.arange(len(self.points)), taken, assume_unique=True)
@@ -54,6 +70,11 @@ class RemovalProblem:
 
     def is_satisfied(self, values: Float64) -> Bool:
         return self.objective.is_satisfied(values)
+
+    def detected(self, points: Float32, left: Int64, will_propose: bool) -> Detections:
+        """What the detector finds in these points, (K, 4), which are those `left`, (K,), under the noise."""
+        del left, will_propose
+        return self.objective.detector.detect(cloud_of_xyzi(points))
 
     def gains(self, left: Int64) -> tuple[Float64, Int64]:
         """The estimated gain of removing each remaining point, and its group: points that count together."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 from rosbags.interfaces import Qos, QosDurability
 
@@ -15,13 +16,14 @@ from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.checksums import ChecksumCoverage, validate_checksums
 from advpipe.pipeline.messages.build import NS_PER_S
-from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.topics import IGNORED_OBJECTS, VehicleTopics
 from advpipe.pipeline.v2x.statistics import Statistics
 
-_OBJECTS_TYPE = VehicleTopics().objects.type
+_OBJECTS_TYPE, _COVERAGE_TYPE = VehicleTopics().objects.type, VehicleTopics().label_coverage.type
 _LONG = ("scenario", "versions")  # provenance that the table leaves out; --json has it
 
 
@@ -46,6 +48,36 @@ class ObjectCount:
 
 
 @dataclass(frozen=True)
+class UncountedLabels:
+    """What an imported drive labels that counts neither way, over all messages.
+
+    ignored: labelled objects by the source's class. regions: those in which nothing counts. partial: at how
+    many instants only a part of the surroundings is labelled.
+    """
+
+    ignored: dict[str, int]
+    regions: int
+    partial: int
+
+    def __bool__(self) -> bool:
+        return bool(self.ignored or self.regions or self.partial)
+
+    def lines(self) -> list[tuple[str, str]]:
+        """What there is, each with its name."""
+        lines = []
+        if self.ignored:
+            classes = ", ".join(f"{name} {count}" for name, count in self.ignored.items())
+            lines.append(("ignored", f"{counted(sum(self.ignored.values()), 'box', 'boxes')} ({classes})"))
+        if self.regions:
+            lines.append(("ignored regions", str(self.regions)))
+        if self.partial:
+            lines.append(
+                ("labelled view", f"a part of the surroundings, at {counted(self.partial, 'instant')}")
+            )
+        return lines
+
+
+@dataclass(frozen=True)
 class LidarDescription:
     """The clouds of one LiDAR, and their points."""
 
@@ -64,7 +96,7 @@ class LidarDescription:
 class BagDescription:
     """A summary of one bag; clouds and points are counted over all LiDARs, and for each in `lidars`.
 
-    v2x: None for a bag without such statistics.
+    uncounted: labels that count neither way. v2x: None for a bag without such statistics.
     """
 
     path: str
@@ -80,6 +112,7 @@ class BagDescription:
     points_most: int
     lidars: tuple[LidarDescription, ...]
     objects: tuple[ObjectCount, ...]
+    uncounted: UncountedLabels
     v2x: Statistics | None
     provenance: dict[str, str]
     checksums: ChecksumCoverage
@@ -116,7 +149,13 @@ class BagDescription:
         several = len(self.lidars) > 1
         facts += [(f"clouds of {one.topic}" if several else "clouds", str(one)) for one in self.lidars]
         for item in self.objects:
-            facts.append((item.class_name, f"{item.road_users} road users, {item.boxes} boxes"))
+            facts.append(
+                (
+                    item.class_name,
+                    f"{counted(item.road_users, 'road user')}, {counted(item.boxes, 'box', 'boxes')}",
+                )
+            )
+        facts += self.uncounted.lines()
         if self.v2x is not None:
             facts += self.v2x.lines()
         facts += [(key, value) for key, value in self.provenance.items() if key not in _LONG]
@@ -142,6 +181,9 @@ class _TopicTally:
     points: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     boxes: dict[str, int] = field(default_factory=lambda: defaultdict(int))
     ids: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
+    ignored: Counter[str] = field(default_factory=Counter)
+    regions: int = 0
+    partial: int = 0
 
     def add(self, reader: BagReader, raw: RawMessage) -> None:
         self.first_ns.setdefault(raw.topic.name, raw.log_time_ns)
@@ -150,9 +192,17 @@ class _TopicTally:
             self.points[raw.topic.name].append(len(reader.cloud(raw).cloud))
         elif raw.topic.name in self.truth:
             for detection in reader.decode(raw).detections:
-                name = detection.results[0].hypothesis.class_id if detection.results else "unknown"
+                name = _class_of(detection)
                 self.boxes[name] += 1
                 self.ids[name].add(detection.id)
+
+        elif raw.topic.name.endswith(f"/{IGNORED_OBJECTS}"):
+            for detection in reader.decode(raw).detections:
+                self.ignored[_class_of(detection)] += 1
+        elif raw.topic.type == _COVERAGE_TYPE:
+            coverage = reader.decode(raw)
+            self.regions += len(coverage.ignored)
+            self.partial += bool(coverage.labelled)
 
     def lidar(self, topic: str) -> LidarDescription:
         """What was counted of a LiDAR, or with the topic "" of all of them."""
@@ -163,6 +213,10 @@ class _TopicTally:
     def rate_hz(self, topic: str, count: int) -> float:
         span_ns = self.last_ns.get(topic, 0) - self.first_ns.get(topic, 0)
         return (count - 1) * NS_PER_S / span_ns if span_ns else 0.0
+
+
+def _class_of(detection: Any) -> str:
+    return str(detection.results[0].hypothesis.class_id) if detection.results else "unknown"
 
 
 def describe(path: Path) -> BagDescription:
@@ -196,6 +250,7 @@ def describe(path: Path) -> BagDescription:
         objects=tuple(
             ObjectCount(name, boxes, len(tally.ids[name])) for name, boxes in sorted(tally.boxes.items())
         ),
+        uncounted=UncountedLabels(dict(sorted(tally.ignored.items())), tally.regions, tally.partial),
         v2x=read_statistics(reader),
         provenance=dict(reader.provenance),
         checksums=checksums,

@@ -4,8 +4,8 @@ Keys: `kind` ("clean" or "attack"), `scenario` (YAML), `scenario_name`, `seed`, 
 imported drive has `source` (YAML) instead of scenario and seed. A simulated drive adds `map_sha256`; an
 attack `parent_sha256`, `attack`, `recipe`, `parameters` (JSON), `budget` (the parameter that bounds the
 attack), `frames`, `debug` (whether the bag may have debug topics, see `messages.debug`) and `code_sha256`
-(see `pipeline.code`); one on clouds also `lidar_topics` (JSON) and `looks` (at how many tries, where the
-attack says so).
+(see `pipeline.code`); one on clouds also `lidar_topics` (JSON), `looks` (at how many tries, where the
+attack says so) and `baseline_tries` (at how many its random baseline looks).
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ MOST_LOOKS = 10_000
 """At more tries no attack looks; an evaluation draws as many random ones."""
 _MOST_KEYS = 200
 _MOST_ATTACKS = 1000
-_JSON = ("versions", "parameters", "attacks", "lidar_topics", "looks", "recovered", "debug")
+_JSON = ("versions", "parameters", "attacks", "lidar_topics", "looks", "baseline_tries", "recovered", "debug")
 _HINT = "make the bag again"
 
 Line = Annotated[str, Field(max_length=10_000)]
@@ -82,6 +82,7 @@ class ProvenanceFields(Document):
     attacks: Annotated[tuple[RecordedAttack, ...], Field(max_length=_MOST_ATTACKS)] = ()
     lidar_topics: Annotated[tuple[Line, ...], Field(max_length=_MOST_ATTACKS)] = ()
     looks: Annotated[int, Field(strict=True, ge=1, le=MOST_LOOKS)] | None = None
+    baseline_tries: Annotated[int, Field(strict=True, ge=1, le=MOST_LOOKS)] | None = None
     detector: Line = ""
     detector_sha256: ShortText = ""
     device: ShortText = ""

@@ -19,6 +19,7 @@ from advpipe.pipeline.bag.writer import FILES_RECORD, BagWriter
 from advpipe.pipeline.core.document import read_text, read_yaml
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.checksums import validate_checksums
 from advpipe.pipeline.mcap.salvage import Salvage
@@ -48,7 +49,7 @@ class Recovery:
 
     def __str__(self) -> str:
         if self.out is None:
-            return f"{self.source.bag}: intact, with {self.messages:,} messages; nothing to recover"
+            return f"{self.source.bag}: intact, with {counted(self.messages, 'message')}; nothing to recover"
         lost = [
             f"{what} {count:,}"
             for what, count in {
@@ -59,7 +60,8 @@ class Recovery:
             }.items()
             if count
         ]
-        saved = f"{self.messages:,} messages ({self.clouds:,} clouds) recovered from {self.source.found}"
+        messages, clouds = counted(self.messages, "message"), counted(self.clouds, "cloud")
+        saved = f"{messages} ({clouds}) recovered from {self.source.found}"
         return (
             f"{self.out}: {saved}; lost, besides the index: "
             f"{', '.join(lost) or 'what had not been written yet'}"

@@ -17,9 +17,14 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError, writing
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.dataset.reports import SweepReportDocument, read_report
+from advpipe.pipeline.detector.adaptation import AS_THEY_ARE, Adaptation
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug
 from advpipe.pipeline.scenario import Scenario, dump_scenario
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.lidar.build import adaptation_of
+from advpipe.stages.attack.mistakes import mistakes_of_spec
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
+from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.run import AttackRequest, AttackSummary, attack
 from advpipe.stages.evaluate.provenance import REPORTING
 from advpipe.stages.evaluate.run import Options, Report, evaluate
@@ -54,7 +59,7 @@ class Campaign:
     """A scenario's drive, its attacks and their evaluation, in the folder of a data set.
 
     requests: by the name of the bag that each makes. An existing result of anything else is refused, or
-    replaced with `overwrite`.
+    replaced with `overwrite`. adaptation: how the evaluation presents clouds to the detector.
     """
 
     scenario: Scenario
@@ -64,6 +69,7 @@ class Campaign:
     device: str
     workers: int | None = None
     overwrite: bool = False
+    adaptation: Adaptation = AS_THEY_ARE
 
     @classmethod
     def of(
@@ -74,18 +80,28 @@ class Campaign:
         device: str,
         *,
         debug: bool = AttackOptions.debug,
+        adaptation: Adaptation = AS_THEY_ARE,
         **options: Any,
     ) -> Campaign:
-        """debug: whether adversarial bags have debug topics.
+        """debug: whether adversarial bags have debug topics. adaptation: how clouds are presented to
+        detectors, also to those of attacks for which the scenario does not say it.
 
-        Raises AdvpipeError for attacks that cannot be carried out, before the simulation.
+        Raises AdvpipeError for an attack that cannot be carried out, before the simulation;
+        `mistakes_of_attacks` finds all of them.
         """
         requests = {
-            name: AttackRequest(attacks, scenario.simulation.seed, device, debug)
+            name: AttackRequest(
+                tuple(with_adaptation(spec, adaptation) for spec in attacks),
+                scenario.simulation.seed,
+                device,
+                debug,
+            )
             for name, attacks in scenario.attacks.items()
         }
-        _check(requests, scenario)
-        return cls(scenario, requests, folder, detector, device, **options)
+        for name, request in requests.items():
+            request.check()
+            request.refuse_without_v2x(name, scenario)
+        return cls(scenario, requests, folder, detector, device, adaptation=adaptation, **options)
 
     def run(self) -> Iterator[Part]:
         """Yield the drive, each attack and the report, each as soon as it is finished."""
@@ -111,9 +127,9 @@ class Campaign:
 
     def _report(self, bags: Sequence[Path]) -> Part:
         report = self.folder / "reports" / detector_slug(self.detector)
-        if is_report_of(report, bags, self.detector, self.device):
+        if is_report_of(report, bags, self.detector, self.device, self.adaptation):
             return Kept("report", report)
-        options = Options(detectors=(self.detector,), device=self.device)
+        options = Options(detectors=(self.detector,), device=self.device, **vars(self.adaptation))
         clean, *adversarial = bags
         adversarial = adversarial or adversarial_bags(self.folder)
         detail(f"{self.detector} on {self.device}: {clean} and {len(adversarial)} adversarial bags")
@@ -124,25 +140,23 @@ class Campaign:
         return Evaluated(made, report)
 
 
-def _check(requests: Mapping[str, AttackRequest], scenario: Scenario) -> None:
-    """Raises the error of the only attack that cannot be carried out, or one that lists those of several."""
-    errors: list[tuple[str, AdvpipeError]] = []
-    for name, request in requests.items():
-        try:
-            request.check()
-            request.refuse_without_v2x(name, scenario)
-        except AdvpipeError as error:
-            errors.append((name, error))
-    if len(errors) == 1:
-        raise errors[0][1]
-    if errors:
-        texts = (str(error).removeprefix(f"attacks.{name}: ") for name, error in errors)
-        each = (
-            f"({number}) attacks.{name}: {text}"
-            for number, ((name, _), text) in enumerate(zip(errors, texts, strict=True), 1)
-        )
-        kind = UsageError if all(isinstance(error, UsageError) for _, error in errors) else AdvpipeError
-        raise kind(f"{len(errors)} mistakes: {'; '.join(each)}")
+def mistakes_of_attacks(
+    attacks: Sequence[AttackSpec], scenario: Scenario | None
+) -> Iterator[tuple[int | None, str]]:
+    """What is wrong with the attacks on one bag of a scenario, as `load_scenario` asks for it."""
+    found = [(number, text) for number, spec in enumerate(attacks) for text in mistakes_of_spec(spec)]
+    yield from found
+    if found or not attacks:
+        return
+    request = AttackRequest(tuple(attacks))
+    try:
+        request.check()
+    except AdvpipeError as error:
+        yield None, str(error)
+    if scenario is not None:
+        for number, spec in enumerate(request.attacks):
+            if spec in request.of("v2x") and not scenario.v2x.enabled:
+                yield number, f"{spec.type} attacks V2X, but v2x.enabled is false"
 
 
 def has_drive(folder: Path, scenario: Scenario, overwrite: bool) -> bool:
@@ -190,8 +204,18 @@ def _differing_keys(made: Path, wanted: str) -> list[str]:
     return sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key)) or ["text"]
 
 
-def is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str) -> bool:
-    """Whether an evaluation's report compares just these bags, with this detector, device and code."""
+def with_adaptation(spec: AttackSpec, adaptation: Adaptation) -> AttackSpec:
+    """An attack, with the adaptation if it is one on clouds that does not state its own."""
+    if adaptation.is_none or not adaptation_of(spec).is_none or find_attack(spec.type).family != "lidar":
+        return spec
+    return spec.model_copy(update=vars(adaptation))
+
+
+def is_report_of(
+    report: Path, bags: Sequence[Path], detector: str, device: str, adaptation: Adaptation = AS_THEY_ARE
+) -> bool:
+    """Whether an evaluation's report compares just these bags, with this detector, device, adaptation and
+    code."""
     try:
         found = read_report(report / "report.json")
     except AdvpipeError:
@@ -203,5 +227,7 @@ def is_report_of(report: Path, bags: Sequence[Path], detector: str, device: str)
     detectors = [one.sha256 for one in about.detectors]
     was_here = about.device == device.partition(":")[0]
     was_so = about.code_sha256 == code_sha256(*REPORTING)
+    was_adapted = Adaptation() if about.adaptation is None else Adaptation(**vars(about.adaptation))
+    was_so &= was_adapted == adaptation
     is_of_bags = sorted(scored) == sorted(map(parent_sha256, bags))
     return is_of_bags and detectors in ([], [detector_sha256(detector)]) and was_here and was_so

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.completion import attack_names
+from advpipe.pipeline.cli.completion import attack_names, recipe_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
+    Device,
     Level,
     LidarHeight,
     LidarTopic,
@@ -38,7 +39,7 @@ def attack_command(
         str, cli_option(AttackOptions, "type", "--type", autocompletion=attack_names)
     ] = AttackOptions.type,
     recipe: Annotated[
-        str | None, cli_option(AttackOptions, "recipe", show_default="best")
+        str | None, cli_option(AttackOptions, "recipe", show_default="best", autocompletion=recipe_names)
     ] = AttackOptions.recipe,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="A parameter of the attack: name=value; repeatable.")
@@ -60,7 +61,7 @@ def attack_command(
     lidar: LidarTopic = AttackOptions.lidar,
     frames: Annotated[str, cli_option(AttackOptions, "frames")] = AttackOptions.frames,
     detector: DetectorName = AttackOptions.detector,
-    device: Annotated[str, cli_option(AttackOptions, "device")] = AttackOptions.device,
+    device: Device = AttackOptions.device,
     lidar_height_m: LidarHeight = None,
     level: Level = False,
     scale_intensity: ScaleIntensity = AttackOptions.scale_intensity,

@@ -7,12 +7,14 @@ attacks, only for an option that the command itself does not have, and for the h
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 from typer.core import TyperCommand
 
 from advpipe.pipeline.cli.attack import attack_command, read_value
+from advpipe.pipeline.cli.completion import words_of
 from advpipe.pipeline.cli.shared import Answer, answering, flag_of
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.progress import open_progress
@@ -30,21 +32,26 @@ class AttackCommand(TyperCommand):
 
     def make_context(self, info_name: Any, args: list[str], *others: Any, **extra: Any) -> Any:
         own = {flag for one in self.params for flag in (*one.opts, *one.secondary_opts)}
+        if extra.get("resilient_parsing"):  # a shell completes
+            completed = _command_with(_completed_parameters(_attack_named(args), own))
+            return completed.make_context(info_name, args, *others, **extra)
         flags = {argument.partition("=")[0] for argument in args if argument.startswith("-")}
         attack = _attack_named(args)
         wants_help = attack is not None and not flags.isdisjoint(_HELP)
         if not wants_help and all(flag in {*own, *_HELP} or flag[:2] != "--" for flag in flags):
             return super().make_context(info_name, args, *others, **extra)
         attack = attack or AttackOptions.type
-        completes = bool(extra.get("resilient_parsing"))  # a line of ours would stand in the shell's prompt
-        is_quiet = completes or wants_help or not flags.isdisjoint(_QUIET)
+        is_quiet = wants_help or not flags.isdisjoint(_QUIET)
         with use_verbosity(Verbosity(quiet=is_quiet)), open_progress(f"reading about {attack}"):
             command, parameters = _command_of(attack, own)
         try:
             return command.make_context(info_name, args, *others, **extra)
         except Exception as error:
             if hasattr(error, "possibilities") and hasattr(error, "message"):  # no such option
-                error.message += f"; {attack} has {', '.join(parameters) or 'no parameters'}"
+                if parameters:
+                    vars(error)["where"] = f"advpipe attacks {attack}"
+                else:
+                    error.message += f"; {attack} has no parameters"
             raise
 
 
@@ -85,13 +92,19 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
         for one in documented_parameters(attack_class)
         if flag_of(one.name) not in taken
     ]
+    about = f"{attack}: {summary(attack_class)}"
+    return _command_with(parameters, about), [flag_of(one.name) for one in parameters]
+
+
+def _command_with(parameters: Sequence[inspect.Parameter], about: str = "") -> Any:
+    """`advpipe attack` with more options; about: the end of its help."""
     general = inspect.signature(attack_command).parameters.values()
     signature = [*(one for one in general if one.kind is not one.VAR_KEYWORD), *parameters]
 
     def command(**options: Any) -> Answer:
         return attack_command(**options)
 
-    command.__doc__ = f"{inspect.getdoc(attack_command)}\n\n{attack}: {summary(attack_class)}"
+    command.__doc__ = f"{inspect.getdoc(attack_command)}\n\n{about}"
     command.__annotations__ = {
         **get_type_hints(attack_command, include_extras=True),
         **{one.name: one.annotation for one in parameters},
@@ -99,7 +112,24 @@ def _command_of(attack: str, taken: set[str]) -> tuple[Any, list[str]]:
     command.__signature__ = inspect.Signature(signature)  # type: ignore[attr-defined]
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.command(cls=_WithParameters)(answering(command))
-    return typer.main.get_command(app), [flag_of(one.name) for one in parameters]
+    return typer.main.get_command(app)
+
+
+def _completed_parameters(attack: str | None, taken: set[str]) -> list[inspect.Parameter]:
+    """What a shell completes of an attack: its parameters, without loading its class."""
+    from advpipe.stages.attack.parameter_source import SWITCH, parameter_words
+
+    found = []
+    for name, words in parameter_words(attack or AttackOptions.type).items():
+        flag = flag_of(name)
+        if flag in taken:
+            continue
+        option: Any = Annotated[str | None, typer.Option(flag, autocompletion=words_of(words))]
+        if words == SWITCH:
+            option = Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}")]
+        one = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option)
+        found.append(one)
+    return found
 
 
 def _as_argument(one: Parameter, default: Any, panel: str) -> inspect.Parameter:

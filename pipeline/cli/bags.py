@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from advpipe.pipeline.cli.completion import picture_formats
 from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line, typed
 from advpipe.pipeline.core.progress import with_progress
 
@@ -51,7 +52,12 @@ def plot(
         ),
     ] = None,
     format: Annotated[
-        str | None, typer.Option(help="png, pdf or svg.", show_default="by the extension of --out")
+        str | None,
+        typer.Option(
+            help="png, pdf or svg.",
+            show_default="by the extension of --out",
+            autocompletion=picture_formats,
+        ),
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+
+import typer
+
+DEVICES = ("cpu", "cuda")
 
 
 def attack_names(incomplete: str) -> list[str]:
@@ -42,9 +46,63 @@ def figure_formats(incomplete: str) -> list[str]:
 
 def defence_names(incomplete: str) -> list[str]:
     """The defences, without their parameters."""
-    from advpipe.pipeline.defences.registry import DEFENCES
+    from advpipe.pipeline.defences.names import defence_names as names
 
-    return _beginning(DEFENCES, incomplete)
+    return _beginning(names(), incomplete)
+
+
+def recipe_names(context: typer.Context, incomplete: str) -> list[str]:
+    """The recipes of the attack that `--type` names."""
+    from advpipe.pipeline.core.attack_options import AttackOptions
+    from advpipe.stages.attack.parameter_source import parameter_words
+
+    words = parameter_words(context.params.get("type") or AttackOptions.type)
+    return _beginning(words.get("recipe", ()), incomplete)
+
+
+def sweep_recipes(incomplete: str) -> list[str]:
+    """The recipes of the attacks of a sweep; several are separated by commas."""
+    from advpipe.pipeline.core.attack_options import AttackOptions
+    from advpipe.stages.attack.parameter_source import parameter_words
+
+    done, comma, last = incomplete.rpartition(",")
+    recipes = parameter_words(AttackOptions.type)["recipe"]
+    return [f"{done}{comma}{name}" for name in _beginning(recipes, last)]
+
+
+def device_names(incomplete: str) -> list[str]:
+    """The devices that a detector may compute on, of GPUs the first."""
+    return _beginning(DEVICES, incomplete)
+
+
+def picture_formats(incomplete: str) -> list[str]:
+    """The formats of a picture of a bag."""
+    from advpipe.pipeline.core.picture_file import FORMATS
+
+    return _beginning((one.removeprefix(".") for one in FORMATS), incomplete)
+
+
+def family_names(incomplete: str) -> list[str]:
+    """The families of detectors."""
+    from advpipe.pipeline.detector.families import FAMILIES
+
+    return _beginning(FAMILIES, incomplete)
+
+
+def preset_names(incomplete: str) -> list[str]:
+    """The presets of all families of detectors."""
+    from advpipe.pipeline.detector.families import FAMILIES
+
+    return _beginning((name for family in FAMILIES.values() for name in family.presets), incomplete)
+
+
+def words_of(known: Iterable[str]) -> Callable[[str], list[str]]:
+    """Completes one of these words."""
+
+    def complete(incomplete: str) -> list[str]:
+        return _beginning(known, incomplete)
+
+    return complete
 
 
 def _beginning(names: Iterable[str], incomplete: str) -> list[str]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line
+from advpipe.pipeline.cli.completion import words_of
+from advpipe.pipeline.cli.shared import Answer, LidarTopic, Overwrite, print_line, typed
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.core.text import counted
 
 V2X_FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """The forms of VeReMi by their names on the command line."""
@@ -21,7 +24,9 @@ FORMATS = ("kitti", "openpcdet", "nuscenes", "opv2v", "pcd", *V2X_FORMATS)
 @with_progress("exporting {bag} as {format}")
 def export(
     bag: Annotated[Path, typer.Argument(help="Data set folder, bag directory or .mcap file.")],
-    format: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "veremi",
+    format: Annotated[
+        str, typer.Option("--format", help=f"{', '.join(FORMATS)}.", autocompletion=words_of(FORMATS))
+    ] = "veremi",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder to write.", show_default="<bag>-<format>")
     ] = None,
@@ -50,7 +55,23 @@ def export(
     options = ExportOptions(lidar, FrameSlice.parse(frames))
     summary = export_bags(bag, format, target, options, overwrite=overwrite)
     shown = str(summary).removeprefix(f"{summary.folder}: ")
-    return Answer(summary.to_dicts()[0], print_line(shown), made={"folder": target})
+    return Answer(
+        summary.to_dicts()[0],
+        print_line(shown),
+        made={"folder": target},
+        next_commands=[_what_next(target, format)],
+    )
+
+
+def _what_next(folder: Path, form: str) -> str:
+    """A look at how others read the folder; where it does not say so, the command that reads it back."""
+    from advpipe.pipeline.bag.locate import CLEAN_NAME
+
+    readme, clean = folder / "README.md", folder / CLEAN_NAME
+    if readme.is_file():
+        return f"less {shlex.quote(str(readme))}"
+    drive = clean if clean.is_dir() else next(path for path in sorted(folder.iterdir()) if path.is_dir())
+    return typed("import", "files" if form == "pcd" else form, drive, "--out", f"{folder}-imported")
 
 
 def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer:
@@ -69,8 +90,14 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
     written = export_veremi(source, target, form=V2X_FORMATS[format], overwrite=overwrite)
 
     def show() -> None:
-        print(f"{written.sent} messages, {written.received} receptions of {written.receivers} vehicles")
+        receptions = f"{counted(written.received, 'reception')} of {counted(written.receivers, 'vehicle')}"
+        print(f"{counted(written.sent, 'message')}, {receptions}")
         for attack, number in written.attacks.items():
             print(f"  attackerType {number}: {attack}")
 
-    return Answer({"folder": target, **written._asdict()}, show, made={"folder": target})
+    return Answer(
+        {"folder": target, **written._asdict()},
+        show,
+        made={"folder": target},
+        next_commands=[typed("evaluate", bag)],
+    )

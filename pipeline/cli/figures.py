@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.completion import figure_formats
-from advpipe.pipeline.cli.shared import Answer, Overwrite
+from advpipe.pipeline.cli.shared import Answer, Overwrite, typed
 from advpipe.pipeline.core.progress import with_progress
 
 
@@ -35,4 +35,21 @@ def figures_command(
         for path in written:
             print(path)
 
-    return Answer({"folder": target, "figures": list(written)}, show)
+    return Answer(
+        {"folder": target, "figures": list(written)},
+        show,
+        made={"folder": target},
+        next_commands=[_what_next(folder, format)],
+    )
+
+
+def _what_next(report: Path, done: str) -> str:
+    """To publish the data set that the report is of; elsewhere, the same figures in another format."""
+    from advpipe.pipeline.dataset.layout import is_dataset
+    from advpipe.stages.evaluate.report.figures import FORMATS
+
+    dataset = report.resolve().parent.parent
+    if is_dataset(dataset):
+        here = Path.cwd()
+        return typed("share", dataset.relative_to(here) if dataset.is_relative_to(here) else dataset)
+    return typed("figures", report, "--format", next(one for one in FORMATS if one != done))

@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.streams import flush_output
 from advpipe.pipeline.process.failures import report_failure
 
@@ -80,5 +81,8 @@ def _misused(error: Any) -> int:
     if type(error).__name__ == "NoArgsIsHelpError":  # no mistake: whoever types `advpipe` alone wants help
         print(error.format_message(), file=sys.stderr)
         return 2
-    command = context.command_path if context else "advpipe"
-    return report_failure(UsageError(f"{error.format_message()} (see {command} --help)"))
+    where = getattr(error, "where", f"{context.command_path if context else 'advpipe'} --help")
+    alike, text = getattr(error, "possibilities", None), error.format_message()
+    if alike:  # as other errors say it
+        text = f"{error.message}; {suggestion(error.option_name, alike)}".removesuffix("; ")
+    return report_failure(UsageError(f"{text} (see {where})"))

@@ -14,7 +14,10 @@ from advpipe.pipeline.cli.shared import (
     Answer,
     DetectorName,
     Device,
+    Level,
+    LidarHeight,
     Overwrite,
+    ScaleIntensity,
     Workers,
     cli_option,
     print_line,
@@ -43,6 +46,9 @@ def run(
     detector: DetectorName = "small",
     device: Device = "cpu",
     workers: Workers = None,
+    lidar_height_m: LidarHeight = None,
+    level: Level = False,
+    scale_intensity: ScaleIntensity = 1.0,
     debug: Annotated[bool, cli_option(AttackOptions, "debug", "--debug/--no-debug")] = AttackOptions.debug,
     overwrite: Overwrite = False,
 ) -> Answer:
@@ -56,18 +62,28 @@ def run(
     from advpipe.pipeline.scenario import load_scenario
 
     with working_on("loading libraries"):
-        from advpipe.pipeline.campaigns.run import Campaign
+        from advpipe.pipeline.campaigns.run import Campaign, mistakes_of_attacks
+        from advpipe.pipeline.detector.adaptation import Adaptation
 
     with as_usage_error():
-        loaded = load_scenario(scenario, settings or ())
+        loaded = load_scenario(scenario, settings or (), mistakes_of_attacks)
         folder = out or working_path("datasets") / loaded.name
         campaign = Campaign.of(
-            loaded, folder, detector, device, debug=debug, workers=workers, overwrite=overwrite
+            loaded,
+            folder,
+            detector,
+            device,
+            debug=debug,
+            adaptation=Adaptation(lidar_height_m, level, scale_intensity),
+            workers=workers,
+            overwrite=overwrite,
         )
     refuse_undecodable(folder)
     drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
-    return Answer(document, lambda: None, next_commands=[typed("view", folder)])
+    report = Path(scored["report"])
+    figures = typed("figures", report.parent if report.suffix else report)
+    return Answer(document, lambda: None, next_commands=[typed("view", folder), figures])
 
 
 def _answer(part: Part) -> Answer:

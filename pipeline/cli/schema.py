@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line
+from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line, typed
 from advpipe.pipeline.core.progress import with_progress
 
 
@@ -43,4 +43,9 @@ def schema_command(
     if out is None:
         return Answer(json.loads(text), print_line(text))
     write_new(out, f"{text}\n", overwrite)
-    return Answer({"schema": out}, print_line(out))
+    used = (
+        typed("evaluate", "--json")
+        if of is SchemaKind.report
+        else f"# yaml-language-server: $schema={out}    (as the first line of a scenario)"
+    )
+    return Answer({"schema": out}, lambda: None, made={"schema": out}, next_commands=[used])

@@ -9,6 +9,7 @@ import typer
 
 from advpipe.pipeline.cli.shared import Answer, Overwrite, typed
 from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.core.text import counted
 
 
 @with_progress("sharing {dataset}")
@@ -54,6 +55,6 @@ def share_command(
     def show() -> None:
         for path in summary.made:
             print(path)
-        print(f"{summary.files} files, {summary.bytes / 1e6:.1f} MB")
+        print(f"{counted(summary.files, 'file')}, {summary.bytes / 1e6:.1f} MB")
 
     return Answer(vars(summary), show, next_commands=[typed("verify", summary.made[0])])

@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
-from advpipe.pipeline.cli.completion import detector_names
+from advpipe.pipeline.cli.completion import detector_names, device_names
 from advpipe.pipeline.core.options import parser_options
 from advpipe.stages.evaluate.options import Options
 
@@ -48,7 +48,7 @@ BaselineTries = Annotated[
 LidarHeight = Annotated[float | None, cli_option(Options, "lidar_height_m", "--lidar-height")]
 Level = Annotated[bool, cli_option(Options, "level", "--level")]
 ScaleIntensity = Annotated[float, cli_option(Options, "scale_intensity", "--scale-intensity")]
-Device = Annotated[str, cli_option(Options, "device", "--device")]
+Device = Annotated[str, cli_option(Options, "device", "--device", autocompletion=device_names)]
 DetectorName = Annotated[
     str, cli_option(SweepOptions, "detector", "--detector", autocompletion=detector_names)
 ]

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
+from advpipe.pipeline.cli.completion import sweep_recipes, words_of
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -21,6 +22,7 @@ from advpipe.pipeline.cli.shared import (
     ScaleIntensity,
     Workers,
     cli_option,
+    typed,
 )
 from advpipe.pipeline.core.progress import with_progress
 
@@ -30,8 +32,12 @@ def sweep_command(
     bag: Annotated[
         Path | None, typer.Argument(help="Clean bag or its data set.", show_default="newest data set")
     ] = None,
-    table: Annotated[str, cli_option(SweepOptions, "table")] = SweepOptions.table,
-    recipes: Annotated[str, cli_option(SweepOptions, "recipes", "--recipes", "--recipe")] = "best",
+    table: Annotated[
+        str, cli_option(SweepOptions, "table", autocompletion=words_of((SweepOptions.table,)))
+    ] = SweepOptions.table,
+    recipes: Annotated[
+        str, cli_option(SweepOptions, "recipes", "--recipes", "--recipe", autocompletion=sweep_recipes)
+    ] = "best",
     cells: Annotated[
         list[str] | None,
         cli_option(SweepOptions, "cells", "--cells", show_default="all"),
@@ -91,4 +97,9 @@ def sweep_command(
     page, figures = report.folder / "report.html", report.folder / "report.json"
     document = json.loads(figures.read_text(encoding="utf-8"))
 
-    return Answer({"report": page, **document}, report.show, made={"report": page})
+    return Answer(
+        {"report": page, **document},
+        report.show,
+        made={"report": page},
+        next_commands=[typed("figures", report.folder, "--format", "png")],
+    )

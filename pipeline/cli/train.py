@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from advpipe.pipeline.cli.completion import family_names, preset_names
 from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, cli_option, print_line, typed
 from advpipe.pipeline.core.progress import with_progress
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
@@ -17,8 +18,12 @@ from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
 def train_command(
     bags: Annotated[list[Path], typer.Argument(help="Clean bags to learn from.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the checkpoint, log and plot.")],
-    family: Annotated[str, cli_option(TrainOptions, "family")] = TrainOptions.family,
-    preset: Annotated[str, cli_option(TrainOptions, "preset")] = TrainOptions.preset,
+    family: Annotated[
+        str, cli_option(TrainOptions, "family", autocompletion=family_names)
+    ] = TrainOptions.family,
+    preset: Annotated[
+        str, cli_option(TrainOptions, "preset", autocompletion=preset_names)
+    ] = TrainOptions.preset,
     steps: Annotated[int, cli_option(TrainOptions, "steps")] = USUAL_STEPS,
     start: Annotated[Path | None, cli_option(TrainOptions, "start", "--start")] = None,
     learning_rate: Annotated[float, cli_option(TrainOptions, "learning_rate")] = TrainOptions.learning_rate,
@@ -60,7 +65,9 @@ def train_command(
 def import_weights(
     file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
-    family: Annotated[str, cli_option(TrainOptions, "family")] = TrainOptions.family,
+    family: Annotated[
+        str, cli_option(TrainOptions, "family", autocompletion=family_names)
+    ] = TrainOptions.family,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""

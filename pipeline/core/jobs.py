@@ -49,8 +49,8 @@ def run_jobs(
     """Call `prepare()` once in each process, and the function that it returns once for each job.
 
     prepare: can be pickled; what it loads is loaded in every process. jobs: the numbers of the jobs.
-    workers: number of processes, by default one for each core. The function stores its results itself, such
-    as in a file for each job. Raises the AdvpipeError of the first job that fails.
+    workers: number of processes, by default one for each of `usable_cores`. The function stores its results
+    itself, such as in a file for each job. Raises the AdvpipeError of the first job that fails.
     """
     for _ in _results(prepare, jobs, description, workers):
         pass
@@ -70,11 +70,16 @@ def map_jobs(
     return [results[job] for job in jobs]
 
 
+def usable_cores() -> int:
+    """The cores that this process may run on: not all of the machine's under `taskset` or a batch system."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _results(
     prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], description: str, workers: int | None
 ) -> Iterator[tuple[int, T]]:
     """Each job with its result, in the order in which they finish."""
-    count = min(workers or os.cpu_count() or 1, max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
+    count = min(workers or usable_cores(), max(len(jobs) // JOBS_WORTH_A_WORKER, 1))
     detail(f"{description}: {len(jobs)} jobs in {count} processes")
     results = _in_processes(prepare, jobs, count) if count > 1 else _in_this_process(prepare, jobs)
     return track(results, description, len(jobs))

@@ -36,7 +36,8 @@ def suggestion(name: object, known: Iterable[str]) -> str:
     A name that is part of others, such as `speed` of `cam-speed-offset`, may mean any of these.
     """
     names, typed = list(known), shorten(str(name)).lower()
-    found = difflib.get_close_matches(typed, names, n=1, cutoff=ALIKE)
+    lower = {each.lower(): each for each in reversed(names)}
+    found = [lower[each] for each in difflib.get_close_matches(typed, lower, n=1, cutoff=ALIKE)]
     if not found and len(typed) > 2:
-        found = [each for each in names if typed in each][:_MOST_SUGGESTED]
+        found = [each for each in names if typed in each.lower()][:_MOST_SUGGESTED]
     return f"did you mean {' or '.join(map(repr, found))}?" if found else ""

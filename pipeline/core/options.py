@@ -69,12 +69,8 @@ def scale_intensity() -> Any:
 
 
 def baseline_tries() -> Any:
-    """The option that sets the query budget of the random baseline."""
-    return option(
-        None,
-        "Random draws of the baseline; the best of them is scored too, unless there is only 1.",
-        least=1,
-    )
+    """The option that sets the query budget of the baseline random-best."""
+    return option(None, "Tries that the baseline random-best judges; fewer are faster.", least=1)
 
 
 def detector() -> Any:

@@ -21,6 +21,15 @@ def escape_unprintable(text: str) -> str:
     return "".join(char if _is_harmless(char) else ascii(char)[1:-1] for char in text)
 
 
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """A number with its noun; plural: of a noun that does not take an s.
+
+    >>> counted(1, "frame"), counted(2000, "frame"), counted(2, "box", "boxes")
+    ('1 frame', '2,000 frames', '2 boxes')
+    """
+    return f"{count:,} {noun if count == 1 else plural or f'{noun}s'}"
+
+
 def one_line(text: object, limit: int = LINE_LIMIT) -> str:
     """The text escaped and on one line. A long one keeps its start and its end, which often states the fix.
 

@@ -15,6 +15,8 @@ from advpipe.pipeline.dataset.leftovers import Leftover, find_leftovers
 SCENARIO_NAME = "scenario.yaml"
 SOURCE_NAME = "source.yaml"
 """In place of a scenario, where the drive of an imported data set comes from."""
+EXPORT_MARK = "advpipe-export.json"
+"""The file by which an exported folder is recognised."""
 CARD_NAME = "README.md"
 REPORTS_NAME = "reports"
 REPORT_NAME = "report.json"

@@ -35,6 +35,14 @@ class _Detector(Document):
     sha256: ShortText
 
 
+class _Adaptation(Document):
+    """The arguments of an `Adaptation`."""
+
+    lidar_height_m: Number | None = None
+    level: bool = False
+    scale_intensity: Number = 1.0
+
+
 class ReportOrigin(Document):
     """The bags, detectors and code that a report was made with."""
 
@@ -43,6 +51,7 @@ class ReportOrigin(Document):
     detectors: Annotated[tuple[_Detector, ...], Field(max_length=1000)] = ()
     device: ShortText = "cpu"
     code_sha256: ShortText = ""
+    adaptation: _Adaptation | None = None
 
 
 class DetectionRow(Document):
@@ -57,6 +66,7 @@ class DetectionRow(Document):
     map_ratio_ci95: tuple[Number | None, Number | None] | None = None
     map_ratio_reason: ShortText = ""
     baseline_map_ratio_percent: Number | None = None
+    random_best_map_ratio_percent: Number | None = None
     lost_objects: Count | None = None
     working_score: Number | None = None
     objects_found_clean: Count | None = None

@@ -8,13 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.lidar_height import check_lidar_height
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.detector.detector_frame import AS_RECORDED, DetectorFrame
 from advpipe.pipeline.detector.expected_input import expected_input_of
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.ground_plane import fit_ground
-
-MAX_HEIGHT_M = 100.0
 
 
 @dataclass(frozen=True)
@@ -32,10 +31,8 @@ class Adaptation:
     scale_intensity: float = 1.0
 
     def __post_init__(self) -> None:
-        height_m, scale = self.lidar_height_m, self.scale_intensity
-        if height_m is not None and not 0 < height_m <= MAX_HEIGHT_M:
-            name = option_name("lidar_height_m")
-            raise UsageError(f"{name} is {height_m:g}, but must be above 0 and at most {MAX_HEIGHT_M:g} m")
+        check_lidar_height(self.lidar_height_m)
+        scale = self.scale_intensity
         if not 0 < scale < float("inf"):
             raise UsageError(
                 f"{option_name('scale_intensity')} is {scale:g}, but must be a finite number above 0"

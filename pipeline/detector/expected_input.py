@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.lidar_height import HIGHEST_M, LOWEST_M
 from advpipe.pipeline.detector.protocol import ObjectDetector
 
 BRIGHTEST = 1.0
@@ -22,6 +24,23 @@ class ExpectedInput:
 
     lidar_height_m: float
     max_intensity: float = BRIGHTEST
+
+
+HEIGHT_KEY = "lidar_height_m"
+"""Provenance key of a checkpoint: the height of the LiDARs of its training drives, in metres."""
+
+
+def with_trained_height(
+    expected: ExpectedInput | None, provenance: Mapping[str, str]
+) -> ExpectedInput | None:
+    """What a preset expects, at the height of a checkpoint's training drives, if it says that."""
+    try:
+        height_m = float(provenance[HEIGHT_KEY])
+    except (KeyError, ValueError):
+        return expected
+    if not LOWEST_M <= height_m <= HIGHEST_M:
+        return expected
+    return ExpectedInput(height_m) if expected is None else replace(expected, lidar_height_m=height_m)
 
 
 @runtime_checkable

@@ -54,7 +54,7 @@ def input_differences(
         fit = fit_ground(xyz(first.cloud))
         if isinstance(fit, str):
             yield f"{option_name('level', True)} does not level the first cloud: {fit}"
-    elif mount := _height_and_tilt(reader, first):
+    elif mount := lidar_height_and_tilt(reader, first):
         height_m, tilt_rad = mount
         taken_m = expected.lidar_height_m if adaptation.lidar_height_m is None else adaptation.lidar_height_m
         if abs(height_m - taken_m) > TOLERATED_M:
@@ -75,7 +75,7 @@ def input_differences(
         yield f"its intensities go up to {brightest:g}, {whose}; give {option}"
 
 
-def _height_and_tilt(reader: BagReader, first: StampedCloud) -> tuple[float, float] | None:
+def lidar_height_and_tilt(reader: BagReader, first: StampedCloud) -> tuple[float, float] | None:
     """The LiDAR's height in metres and its tilt in radians, by its mount or else by the ground; None where
     neither is known."""
     mount = base_link_SE3_lidar(reader, first.frame_id)

@@ -29,6 +29,14 @@ class IgnoredBoxes:
     def __len__(self) -> int:
         return len(self.geometry)
 
+    def joined(self, others: IgnoredBoxes) -> IgnoredBoxes:
+        """These boxes, and others in the same frame behind them."""
+        return IgnoredBoxes(
+            np.concatenate([self.geometry, others.geometry]),
+            (*self.class_names, *others.class_names),
+            (*self.ids, *others.ids),
+        )
+
     def transformed(self, a_SE3_b: Float64) -> IgnoredBoxes:
         """Transform these boxes from frame b to frame a, as `Boxes.transformed` does."""
         geometry = self.geometry.copy()

@@ -13,6 +13,8 @@ CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", keep_last(1, reliable=False))
 TF = Topic("/tf", "tf2_msgs/msg/TFMessage", keep_last(100))
 TF_STATIC = Topic("/tf_static", "tf2_msgs/msg/TFMessage", keep_last(1, latched=True))
 SCENARIO_INFO = Topic("/scenario/info", "std_msgs/msg/String", keep_last(1, latched=True))
+SOURCE_FRAME = Topic("/source/frame", "std_msgs/msg/String")
+"""The name that an imported drive's source gives a frame, recorded at the time of its clouds."""
 LANES = Topic("/map/lanes", "visualization_msgs/msg/MarkerArray", keep_last(1, latched=True))
 V2X_STATIONS = Topic("/v2x/stations", "advpipe_msgs/msg/V2xStationArray", keep_last(10))
 V2X_SENT = Topic("/v2x/sent", "advpipe_msgs/msg/V2xTransmission", keep_last(100))

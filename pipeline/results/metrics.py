@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated
@@ -129,6 +130,20 @@ class CloudMetrics:
     ]
     new_false_positives: Annotated[int, "number of false positives where the clean clouds have none"]
     precisions: Precisions
+    map_loose_ratio_ci95: Annotated[
+        Interval, "95 % interval of map_loose_ratio_percent, in percent; absent in older reports"
+    ] = None
+    points_off_ray: Annotated[
+        int | None, "number of moved points that left their ray by over 1 mm; absent in older reports"
+    ] = None
+    at_face_percent: Annotated[
+        float,
+        "moved and added points within 1.5 mm of a face of their voxel, in percent; null for a detector "
+        "without voxels; absent in older reports",
+    ] = math.nan
+    at_face_clean_percent: Annotated[
+        float, "at_face_percent of all points of the clean clouds, in percent; absent in older reports"
+    ] = math.nan
 
     def record(self) -> Record:
         """One key per metric and per average precision."""

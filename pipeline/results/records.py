@@ -145,7 +145,9 @@ class BaselineRecord(_OfAttack):
     delta_points_ci95: Annotated[
         Interval, "95 % interval of delta_points, drawn together, in percentage points"
     ]
-    significant: Annotated[bool | None, "whether that interval lies below 0; null without an interval"]
+    significant: Annotated[
+        bool | None, "whether that interval lies below 0; null with fewer than six blocks, or without one"
+    ]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,9 @@ from advpipe.pipeline.results.metrics import (
 PLAIN_BASELINE = "baseline"
 """The name of the baseline whose keys every row has, None where it was not scored."""
 
+RANDOM_BEST = "random_best"
+"""The name of the baseline to beat: recipe `random-best`, with as many judged tries as the attack."""
+
 
 @dataclass(frozen=True)
 class AttackRecord:
@@ -27,7 +30,7 @@ class AttackRecord:
     parameter, value: its budget. attacked_against: the detector. is_white_box: whether that is the
     evaluated one; None where that is unknown. query_budget: how many
     detector queries the attack used to keep the best try. baseline_tries: of
-    how many the best is among the baselines.
+    how many `random_best` is the best.
     """
 
     attack: Annotated[str, "name of the attack"]
@@ -39,7 +42,7 @@ class AttackRecord:
     is_white_box: Annotated[bool | None, "whether that is the evaluated detector; null where that is unknown"]
     query_budget: Annotated[int | None, "number of detector queries of which the attack keeps the best"]
     baseline_tries: Annotated[
-        int, "number of random tries of which the best is among the baselines; 0 without baselines"
+        int, "number of random tries of which baseline random_best is the best; 0 without baselines"
     ]
 
 
@@ -65,9 +68,8 @@ class ResultRow:
     """The metrics of one bag and detector.
 
     boxes: evaluated ones by class. attacked, recounted: None without an attack. baselines: by name, those
-    that were scored. significant_vs_random: whether the attack is
-    significantly stronger than all of them; None where that is unknown. notes: what the
-    reader must know besides.
+    that were scored. significant_vs_random: whether the attack is significantly stronger than the strongest
+    of them; None where that is unknown. notes: what the reader must know besides.
     """
 
     bag: str
@@ -94,7 +96,10 @@ class ResultRow:
 
     @property
     def strongest_baseline(self) -> str | None:
-        """The name of the plain random baseline with the lowest mAP ratio; None where none is defined."""
+        """The name of the baseline to beat: `random_best` where it was scored, else the one with the lowest
+        mAP ratio; None where none is defined."""
+        if RANDOM_BEST in self.baselines:
+            return RANDOM_BEST
         return lowest({name: each.metrics.map_ratio_percent for name, each in self.baselines.items()})
 
     @property

@@ -32,7 +32,7 @@ from advpipe.pipeline.results.v2x import V2xRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
-_BASELINE = "(baseline(_near|_full)?(_best)?)"
+_BASELINE = "(random_best|baseline(_near|_full)?(_best)?)"
 _CLASS = f"({'|'.join(CLASSES)})"
 _CRITERION = f"({'|'.join(CRITERIA[1:])})"
 
@@ -104,6 +104,7 @@ def _add_deprecated(schema: Any) -> None:
 def _row() -> Schema:
     """A row is flat: the attack's metrics, and those of each baseline with its name before them."""
     metrics = _properties(CloudMetrics)
+    absent = {"map_ratio_reason", *(key for key in metrics if hasattr(CloudMetrics, key))}
     properties = {
         "bag": _described({"type": "string"}, "adversarial bag, or `clean`"),
         "detector": _described({"type": "string"}, "evaluated detector"),
@@ -124,7 +125,8 @@ def _row() -> Schema:
         "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}, "names of the scored baselines"),
         "significant_vs_random": _described(
             {"type": ["boolean", "null"]},
-            "whether the attack is significantly stronger than every scored baseline; null without intervals",
+            "whether the attack is significantly stronger than random_best; null where the frames fill fewer "
+            "than six blocks of 5 s, and without intervals",
         ),
         "notes": _list({"type": "string"}, "what the reader must know besides"),
     }
@@ -149,7 +151,8 @@ def _row() -> Schema:
         f"^map_ratio_delta_points_vs_{_BASELINE}$": _described(NUMBER, _DELTA),
         f"^map_ratio_delta_points_vs_{_BASELINE}_ci95$": _described(INTERVAL, f"95 % interval of: {_DELTA}"),
         f"^significant_vs_{_BASELINE}$": _described(
-            {"type": ["boolean", "null"]}, "whether that interval lies below 0; null without an interval"
+            {"type": ["boolean", "null"]},
+            "whether that interval lies below 0; null with fewer than six blocks, and without an interval",
         ),
     }
     return {
@@ -157,7 +160,7 @@ def _row() -> Schema:
         "description": "An adversarial bag, or the clean one alone, as one detector sees it.",
         "properties": properties,
         "patternProperties": patterns,
-        "required": sorted(properties.keys() - {"map_ratio_reason"}),
+        "required": sorted(key for key in properties if key not in absent),
         "additionalProperties": False,
     }
 

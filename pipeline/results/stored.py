@@ -83,8 +83,13 @@ def _precisions(stored: Stored, condition: str, prefix: str = "") -> Precisions:
 
 
 def _fields_from(kind: type[Metrics], stored: Stored, prefix: str = "", **nested: object) -> Metrics:
-    """A dataclass from the keys that its fields have in a record; nested: those that have none."""
-    hints = {name: hint for name, hint in get_type_hints(kind).items() if name not in nested}
+    """A dataclass from the keys that its fields have in a record; nested: those that have none. A field with
+    a default may be absent."""
+    hints = {
+        name: hint
+        for name, hint in get_type_hints(kind).items()
+        if name not in nested and (prefix + name in stored or not hasattr(kind, name))
+    }
     return kind(
         **nested, **{name: _READ.get(hint, _as_is)(stored[prefix + name]) for name, hint in hints.items()}
     )

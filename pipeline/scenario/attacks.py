@@ -21,6 +21,7 @@ from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.bounds import DriveTimeS, HeightM, PlaceM, ShareOfSome
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.core.lidar_height import HIGHEST_M, LOWEST_M
 from advpipe.pipeline.core.options import parser_options
 from advpipe.pipeline.core.section import NotNegative, Number, Reference, Section, Switch
 from advpipe.pipeline.core.short_repr import short_repr, shorten
@@ -152,7 +153,7 @@ class AttackSpec(Section):
     lidar: Reference | None = _shared("lidar")
     frames: Reference = _shared("frames", "For a LiDAR attack.")
     detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)
-    lidar_height_m: Number | None = _shared("lidar_height_m", ge=0.1, le=100)
+    lidar_height_m: Number | None = _shared("lidar_height_m", ge=LOWEST_M, le=HIGHEST_M)
     level: Switch = _shared("level")
     scale_intensity: Number = _shared("scale_intensity", ge=1e-6, le=1e6)
 

@@ -17,22 +17,27 @@ from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.section import IsFile
 from advpipe.pipeline.core.shipped_scenarios import shipped_folder, shipped_scenarios
 from advpipe.pipeline.core.short_repr import short_repr, shorten
+from advpipe.pipeline.scenario.attack_mistakes import AttackCheck, attack_mistakes
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
 from advpipe.pipeline.scenario.map import MAP_SOURCES
-from advpipe.pipeline.scenario.mistakes import mistakes_line
+from advpipe.pipeline.scenario.mistake import Mistake
+from advpipe.pipeline.scenario.mistakes import mistakes_line, schema_mistakes
 from advpipe.pipeline.scenario.models import Scenario
 
 
 def load_scenario(
-    name_or_path: str | os.PathLike[str], overrides: Sequence[str] | Mapping[str, object] = ()
+    name_or_path: str | os.PathLike[str],
+    overrides: Sequence[str] | Mapping[str, object] = (),
+    check_attacks: AttackCheck | None = None,
 ) -> Scenario:
     """Load a scenario from a file, or a shipped scenario by name.
 
     overrides: keys to set, as a mapping from `section.key` to a value, or as strings `section.key=value` with
     the value in YAML. Paths are made absolute: a path in the file is relative to the file's folder (or names
-    a shipped road network), and a path in an override is relative to the working directory.
+    a shipped road network), and a path in an override is relative to the working directory. check_attacks:
+    finds what is wrong with attacks beyond their schema, as `run` does.
 
-    Raises AdvpipeError, one line with the file and the line number, for an invalid scenario.
+    Raises AdvpipeError, one line with all mistakes, the file and the line numbers, for an invalid scenario.
 
     >>> load_scenario("smoke", {"simulation.duration_s": 2}).simulation.duration_s
     2.0
@@ -43,10 +48,12 @@ def load_scenario(
     _make_paths_absolute(tree, path.parent)
     settings = overrides.items() if isinstance(overrides, Mapping) else map(_setting, overrides)
     overridden = [_apply(tree, place, value) for place, value in settings]
-    try:
-        return Scenario.model_validate(tree)
-    except ValidationError as error:
-        raise AdvpipeError(mistakes_line(error, path, document, overridden)) from None
+    scenario, mistakes = _validated(tree)
+    if check_attacks is not None:
+        mistakes += attack_mistakes(tree, scenario, check_attacks)
+    if scenario is None or mistakes:
+        raise AdvpipeError(mistakes_line(mistakes, path, document, overridden))
+    return scenario
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -68,6 +75,13 @@ def scenario_tree(scenario: Scenario) -> dict[str, Any]:
     for section, key in _files(tree):
         section[key] = Path(section[key]).name
     return tree
+
+
+def _validated(tree: dict[str, Any]) -> tuple[Scenario | None, list[Mistake]]:
+    try:
+        return Scenario.model_validate(tree), []
+    except ValidationError as error:
+        return None, list(schema_mistakes(error))
 
 
 def _find(name_or_path: str) -> Path:

@@ -13,32 +13,31 @@ from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.scenario.document import ScenarioText
+from advpipe.pipeline.scenario.mistake import Mistake, Place, SeveralMistakesError
 from advpipe.pipeline.scenario.models import Scenario
 
 LONGEST_MESSAGE = 1000
 MOST_MISTAKES = 20
 """That are spelt out; whoever has more reads the rest when these are corrected."""
 
-Place = tuple[str, ...]
-
 
 def mistakes_line(
-    error: ValidationError, path: Path, document: ScenarioText, overridden: Sequence[Place]
+    found: Sequence[Mistake], path: Path, document: ScenarioText, overridden: Sequence[Place]
 ) -> str:
     """All mistakes in one line, numbered if there are several.
 
     Each with its key; with the line in the file, or the option for a key that an override gives.
     """
     lines, set_option = document.lines(), option_name("settings")
-    found = list(_mistakes(error))
     texts = []
-    for place, message in found[:MOST_MISTAKES]:
-        key = ".".join(map(shorten, place))
+    for given, message in found[:MOST_MISTAKES]:
+        place, key = _written(given, document.tree)
+        text = f"{_attack_at(given, document.tree, message)}{message}"
         if place and any(all(map(str.__eq__, keys, place)) for keys in overridden):
-            texts.append(f"{set_option} {key}: {message}")
+            texts.append(f"{set_option} {key}: {text}")
             continue
         line = lines.get(place) or lines.get(tuple(part for part in place if not part.isdigit()))
-        texts.append(f"{key}{f' (line {line})' if line else ''}: {message}" if key else message)
+        texts.append(f"{key}{f' (line {line})' if line else ''}: {text}" if key else text)
     if len(found) == 1:
         (only,) = texts
         return _on_one_line(only if only.startswith(f"{set_option} ") else f"{path}: {only}")
@@ -47,14 +46,52 @@ def mistakes_line(
     return _on_one_line(f"{path}: {len(found)} mistakes: {numbered}{more}")
 
 
-def _mistakes(error: ValidationError) -> Iterator[tuple[Place, str]]:
+def schema_mistakes(error: ValidationError) -> Iterator[Mistake]:
     """Place and message of each; the first of those at one place, where a value may have several forms."""
     seen: set[Place] = set()
     for each in error.errors():
+        several = each.get("ctx", {}).get("error")
+        if isinstance(several, SeveralMistakesError):
+            yield from several.found
+            continue
         place = tuple(str(part) for part in each["loc"] if part != "[key]")
         if place not in seen or not place:
             seen.add(place)
             yield place, _message(dict(each), place)
+
+
+def _written(place: Place, tree: Any) -> tuple[Place, str]:
+    """The place in the tree, and as people write it: `attacks.a[1].victim`.
+
+    Where one item stands for a list of it, the file has no number.
+    """
+    found, text, node = list[str](), "", tree
+    for part in place:
+        if isinstance(node, list) and part.isdigit():
+            text += f"[{part}]"
+            node = node[int(part)] if int(part) < len(node) else None
+        elif part == "0" and isinstance(node, dict) and part not in node:
+            continue
+        else:
+            text += f"{'.' if text else ''}{shorten(part)}"
+            node = node.get(part) if isinstance(node, dict) else None
+        found.append(part)
+    return tuple(found), text
+
+
+def _attack_at(place: Place, tree: Any, message: str) -> str:
+    """The name of the attack that a mistake is in, as `detach: `; "" where the message has it."""
+    if place[:1] != ("attacks",) or len(place) < 3 or place[-1] == "type":
+        return ""
+    bags = tree.get("attacks")
+    bag = bags.get(place[1]) if isinstance(bags, dict) else None
+    items = bag if isinstance(bag, list) else [bag]
+    number = int(place[2]) if place[2].isdigit() else 0
+    item = items[number] if number < len(items) else None
+    attack = item.get("type") if isinstance(item, dict) else None
+    if not isinstance(attack, str) or short_repr(attack) in message or message.startswith(attack):
+        return ""
+    return f"{shorten(attack)}: "
 
 
 def _message(each: dict[str, Any], place: Place) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -11,6 +12,7 @@ from advpipe.pipeline.core.section import Implementation, Name, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
+from advpipe.pipeline.scenario.mistake import Mistake, SeveralMistakesError
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
 from advpipe.pipeline.scenario.size import check_size
@@ -62,10 +64,17 @@ class Scenario(Section):
     )
 
     @model_validator(mode="after")
-    def _bodies(self) -> Scenario:
-        clashes = sorted(set(self.bodies) & {*BODIES, *PEOPLE})
-        if clashes:
-            raise ValueError(f"bodies.{clashes[0]} has the name of a built-in body; rename it")
+    def _sections_fit(self) -> Scenario:
+        checks = (self._bodies(), self._carriers(), self._attacks(), self._local_dynamic_maps())
+        if found := [mistake for check in checks for mistake in check]:
+            raise SeveralMistakesError(found)
+        self.sensors.check(self.simulation.step_s)
+        check_size(self)
+        return self
+
+    def _bodies(self) -> Iterator[Mistake]:
+        for clash in sorted(set(self.bodies) & {*BODIES, *PEOPLE}):
+            yield (), f"bodies.{clash} has the name of a built-in body; rename it"
         known = (*BODIES, *self.bodies)
         for place, body in (
             *((f"traffic.mix.{body}", body) for body in self.traffic.mix),
@@ -75,57 +84,40 @@ class Scenario(Section):
             ),
         ):
             if body not in known:
-                raise ValueError(f"{place} is not a known body; {known_names(body, known)}")
-        return self
+                yield (), f"{place} is not a known body; {known_names(body, known)}"
 
-    @model_validator(mode="after")
-    def _carriers(self) -> Scenario:
+    def _carriers(self) -> Iterator[Mistake]:
         if not self.vehicles:
-            raise ValueError("vehicles is empty; name at least one, like ego: {}")
+            yield (), "vehicles is empty; name at least one, like ego: {}"
+            return
+        known = ", ".join(sorted(self.vehicles))
         for place, _, sensor in self.sensors.mounted():
             if sensor.vehicle not in self.vehicles:
-                known = ", ".join(sorted(self.vehicles))
-                raise ValueError(
-                    f"sensors.{place}.vehicle {sensor.vehicle!r} is not one of the vehicles ({known})"
-                )
-        self.sensors.check(self.simulation.step_s)
+                yield (), f"sensors.{place}.vehicle {sensor.vehicle!r} is not one of the vehicles ({known})"
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
-                raise ValueError(f"vehicles.{name}.driver is trajectory, but there is no trajectories.file")
-        return self
+                yield (), f"vehicles.{name}.driver is trajectory, but there is no trajectories.file"
 
-    @model_validator(mode="after")
-    def _size(self) -> Scenario:
-        check_size(self)
-        return self
-
-    @model_validator(mode="after")
-    def _attacks(self) -> Scenario:
+    def _attacks(self) -> Iterator[Mistake]:
+        known, end_s = ", ".join(sorted(self.vehicles)), self.simulation.duration_s
         for name, specs in self.attacks.items():
             if name in TAKEN_NAMES:
-                raise ValueError(f"attacks.{name} has a name that data sets reserve; rename it")
-            for spec in specs:
-                place = f"attacks.{name}: {spec.type}"
-                if spec.victim is not None and spec.victim not in self.vehicles:
-                    known = ", ".join(sorted(self.vehicles))
-                    raise ValueError(
-                        f"{place} names the victim {spec.victim!r}, which is not one of the vehicles "
-                        f"({known})"
-                    )
-                if spec.schedule.from_s >= self.simulation.duration_s:
-                    raise ValueError(
-                        f"{place} begins at {spec.schedule.from_s:g} s, but the recording ends at "
-                        f"{self.simulation.duration_s:g} s"
-                    )
-        return self
+                yield (), f"attacks.{name} has a name that data sets reserve; rename it"
+            for number, spec in enumerate(specs):
+                place = ("attacks", name, str(number))
+                if spec.victim is not None and self.vehicles and spec.victim not in self.vehicles:
+                    victim = f"names the victim {spec.victim!r}, which is not one of the vehicles ({known})"
+                    yield place, f"{spec.type} {victim}"
+                if spec.schedule.from_s >= end_s:
+                    begin = f"begins at {spec.schedule.from_s:g} s"
+                    yield place, f"{spec.type} {begin}, but the recording ends at {end_s:g} s"
 
-    @model_validator(mode="after")
-    def _local_dynamic_maps(self) -> Scenario:
+    def _local_dynamic_maps(self) -> Iterator[Mistake]:
         if self.v2x.ldm.rate_hz is not None:
             steps = 1 / self.v2x.ldm.rate_hz / self.simulation.step_s
             if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
-                raise ValueError(
+                yield (
+                    (),
                     f"v2x.ldm.rate_hz {self.v2x.ldm.rate_hz:g} makes {1 / self.v2x.ldm.rate_hz:g} s between "
-                    f"snapshots, which is not a multiple of simulation.step_s {self.simulation.step_s:g}"
+                    f"snapshots, which is not a multiple of simulation.step_s {self.simulation.step_s:g}",
                 )
-        return self

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Step
@@ -90,7 +91,7 @@ class Statistics:
             for last in (0, 1, 3, 9)
             if self.pairs[last]
         ]
-        lines = [("CAMs", f"{self.cams} of {self.stations} stations")]
+        lines = [("CAMs", f"{self.cams} of {counted(self.stations, 'station')}")]
         if rates:
             mean = sum(rates) / len(rates)
             lines.append(("CAM rate", f"{mean:.1f} Hz on average, {rates[0]:.1f} to {rates[-1]:.1f} Hz"))

@@ -12,8 +12,11 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.stages.attack.clouds import topic_of
-from advpipe.stages.attack.lidar.build import build_lidar_attack, query_budget_of
+from advpipe.stages.attack.lidar.build import build_lidar_attack, count_of
 from advpipe.stages.attack.request import AttackRequest
+
+JSON_KEYS = {"parameters", "attacks", "versions", "lidar_topics", "looks", "baseline_tries", "debug"}
+"""The keys of a record that attack.yaml has as values."""
 
 _WHEN = ("pipeline/scenario/attacks.py", "stages/attack/clouds.py", "stages/attack/recording.py")
 
@@ -55,9 +58,10 @@ def job_provenance(reader: BagReader, request: AttackRequest) -> dict[str, str]:
     if request.lidar:
         topics = sorted({topic_of(reader, spec) for spec in request.lidar})
         record["lidar_topics"] = json.dumps(topics)
-    query_budgets = [query_budget_of(build_lidar_attack(spec)) for spec in request.lidar]
-    if known := [count for count in query_budgets if count is not None]:
-        record["looks"] = str(max(known))
+    lidar = [build_lidar_attack(spec) for spec in request.lidar]
+    for key in ("query_budget", "baseline_tries"):
+        if known := [count for each in lidar if (count := count_of(each, key)) is not None]:
+            record["looks" if key == "query_budget" else key] = str(max(known))
     leading = next((one for one in attacks if "detector" in one), {})
     return record | {key: leading[key] for key in ("detector", "detector_sha256", "device") if key in leading}
 
@@ -67,6 +71,14 @@ def resolved_text(provenance: dict[str, str]) -> str:
     plain: dict[str, Any] = {
         key: value for key, value in provenance.items() if key not in ("kind", "scenario")
     }
-    for key in {"parameters", "attacks", "versions", "lidar_topics", "looks", "debug"} & plain.keys():
+    for key in {
+        "parameters",
+        "attacks",
+        "versions",
+        "lidar_topics",
+        "looks",
+        "baseline_tries",
+        "debug",
+    } & plain.keys():
         plain[key] = plain_json.load_json(plain[key])
     return yaml.safe_dump(plain, sort_keys=True)

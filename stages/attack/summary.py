@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 from advpipe.stages.attack.lidar.base import LidarResult
 
 MAX_NOTES = 8
@@ -58,8 +59,8 @@ class AttackSummary(Tabular):
         reasons = Counter({note: count for note, count in self.notes.items() if note != NOT_SCHEDULED})
         (reason, count), *_ = reasons.most_common(1) or [("the attack gave no reason", self.frames)]
         return [
-            f"no cloud of {self.bag} was changed: {reason} ({count} of {self.frames} frames); choose other "
-            "frames, or another attack"
+            f"no cloud of {self.bag} was changed: {reason} ({count} of "
+            f"{counted(self.frames, 'frame')}); choose other frames, or another attack"
         ]
 
     @property
@@ -99,14 +100,18 @@ class AttackSummary(Tabular):
     def _notes(self) -> list[str]:
         """A line for each of the most frequent notes, in alphabetical order."""
         shown = sorted(self.notes.most_common(MAX_NOTES))
-        lines = [f"  {count} of {self.frames} frames: {note}" for note, count in shown]
+        lines = [f"  {count} of {counted(self.frames, 'frame')}: {note}" for note, count in shown]
         rest = self.notes.total() - sum(count for _, count in shown)
-        return [*lines, f"  {rest} of {self.frames} frames: others, see frames.parquet"] if rest else lines
+        return (
+            [*lines, f"  {rest} of {counted(self.frames, 'frame')}: others, see frames.parquet"]
+            if rest
+            else lines
+        )
 
     def _clouds(self) -> str:
         text = (
-            f"{self.frames} frames, {self.frames - self.unchanged} attacked; "
-            f"{self.points_clean:,} points became {self.points_adversarial:,}"
+            f"{counted(self.frames, 'frame')}, {self.frames - self.unchanged} attacked; "
+            f"{counted(self.points_clean, 'point')} became {self.points_adversarial:,}"
         )
         if self.losses:
             before, after = np.mean(self.losses, axis=0)

@@ -29,7 +29,7 @@ class Options:
         "A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
     )
     seed: int = option(0, "Seed of the bootstrap, the baselines and the defences.", least=0)
-    baseline: bool = option(True, "Also score random baselines of equal budget, but not recipe random-best.")
+    baseline: bool = option(True, "Also score random baselines of equal budget.")
     baseline_tries: int | None = options.baseline_tries()
     defences: tuple[str, ...] = option(
         (),

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,11 @@ class ExportOptions:
 
 @dataclass(frozen=True, repr=False)
 class ExportSummary(Tabular):
-    """What was written. bags: how many, the clean one included. notes: sentences."""
+    """What was written. bags: how many, the clean one included. notes: sentences.
+
+    frames: instants of the clean bag. objects: labels of them, those of each agent; every other bag repeats
+    frames and labels.
+    """
 
     folder: Path
     form: str
@@ -35,9 +40,8 @@ class ExportSummary(Tabular):
         return str(self.folder)
 
     def __str__(self) -> str:
-        about = (
-            f"{self.folder}: {self.bags} bags, {self.frames} frames, {self.objects} objects as {self.form}"
-        )
+        counts = (counted(self.bags, "bag"), counted(self.frames, "frame"), counted(self.objects, "object"))
+        about = f"{self.folder}: {', '.join(counts)} as {self.form}"
         return "\n".join([about, *self.notes])
 
     def to_dicts(self) -> Rows:

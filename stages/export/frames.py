@@ -43,11 +43,6 @@ def select_bags(bags: Mapping[str, Path]) -> BagSelection:
     return BagSelection(name, bags[name], attacked, tuple(other for other in others if other not in attacked))
 
 
-def frame_name(index: int) -> str:
-    """The name of a frame by its place in the clean bag: six digits, as KITTI's."""
-    return f"{index:06d}"
-
-
 def clean_frames(bag: Path, options: ExportOptions) -> Iterator[Frame]:
     """The chosen frames, one in memory at a time."""
     frames = read_frames(bag, options.frames, lidar_topic=options.lidar_topic)

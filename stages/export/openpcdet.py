@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from advpipe.pipeline.bag.frame_names import read_frame_names
 from advpipe.pipeline.bag.frames import Frame, has_ground_truth
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
@@ -17,7 +18,6 @@ from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
 from advpipe.stages.export.frames import (
     attacked_clouds,
     clean_frames,
-    frame_name,
     select_bags,
     validation_names,
     write_splits,
@@ -38,9 +38,10 @@ class OpenPcdetExport(ExportForm):
         for name in ("points", "labels"):
             (root / name).mkdir(parents=True)
         names: dict[int, str] = {}
+        naming = read_frame_names(chosen.clean)
         labelled, objects = [], 0
         for frame in clean_frames(chosen.clean, options):
-            name = names[frame.stamp_ns] = frame_name(frame.index)
+            name = names[frame.stamp_ns] = naming.of(frame.stamp_ns, frame.index)
             np.save(root / "points" / f"{name}.npy", xyzi(frame.cloud))
             lines = list(_lines(frame)) if is_labelled else []
             (root / "labels" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
@@ -57,8 +58,8 @@ class OpenPcdetExport(ExportForm):
         if not is_labelled:
             notes.append("the bag has no ground truth: labels and ImageSets are empty")
         elif len(labelled) < len(names):
-            empty = len(names) - len(labelled)
-            notes.append(f"{empty} frames without objects are not in ImageSets: OpenPCDet cannot read them")
+            share = f"{len(names) - len(labelled)} of {len(names)}"
+            notes.append(f"frames without objects ({share}) are not in ImageSets: OpenPCDet cannot read them")
         bag_count = 1 + len(chosen.attacked)
         return ExportSummary(folder, "openpcdet", bag_count, len(names), objects, tuple(notes))
 

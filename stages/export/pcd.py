@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from advpipe.pipeline.bag.frame_names import read_frame_names
 from advpipe.pipeline.bag.frames import Frame, find_lidar_topic, has_ground_truth, read_frames, vehicle_topics
 from advpipe.pipeline.bag.ground_truth import LATENCY_NS, GroundTruth
 from advpipe.pipeline.bag.reader import BagReader
@@ -28,7 +29,7 @@ class PcdExport(ExportForm):
     def write(self, bags: Mapping[str, Path], folder: Path, options: ExportOptions) -> ExportSummary:
         """See `ExportForm.write`."""
         names: dict[int, str] = {}
-        frames = objects = 0
+        counts: list[tuple[int, int]] = []
         notes = []
         for bag_name, bag in bags.items():
             exported = _BagExport(bag, folder / bag_name, options.lidar_topic)
@@ -36,16 +37,17 @@ class PcdExport(ExportForm):
             for name, frame in track(chosen, f"exporting {bag_name}"):
                 exported.write(name, frame)
             exported.finish()
-            frames, objects = frames + exported.frames, objects + exported.objects
+            counts.append((exported.frames, exported.objects))
             if exported.frames and len(exported.poses) < exported.frames:
                 notes.append(f"{bag_name}: no poses.txt, as the bag has no pose for each cloud.")
-        return ExportSummary(folder, "pcd", len(bags), frames, objects, tuple(notes))
+        return ExportSummary(folder, "pcd", len(bags), *counts[0], tuple(notes))
 
 
 def _first_frames(bag: Path, options: ExportOptions, names: dict[int, str]) -> Iterator[tuple[str, Frame]]:
     """The chosen frames of the first bag, which name those of the others by their stamps."""
+    naming = read_frame_names(bag, is_ordered=True)  # as poses and times have a line a file
     for frame in read_frames(bag, options.frames, lidar_topic=options.lidar_topic):
-        names[frame.stamp_ns] = f"{frame.index:06d}"
+        names[frame.stamp_ns] = naming.of(frame.stamp_ns, frame.index)
         yield names[frame.stamp_ns], frame
 
 

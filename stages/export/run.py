@@ -11,12 +11,9 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
-from advpipe.pipeline.dataset.layout import SOURCE_NAME, is_dataset
+from advpipe.pipeline.dataset.layout import EXPORT_MARK, SOURCE_NAME, is_dataset
 from advpipe.stages.export.form import ExportOptions, ExportSummary
 from advpipe.stages.export.registry import EXPORT_FORMS
-
-MARK = "advpipe-export.json"
-"""The file by which an exported folder is recognised."""
 
 _SOURCE_NOTE = f"The drive was imported: {SOURCE_NAME} says from where, and under which licence."
 
@@ -37,9 +34,9 @@ def export_bags(
     if form not in EXPORT_FORMS:
         raise UsageError(f"unknown format {form!r}; {known_names(form, EXPORT_FORMS)}")
     bags = bags_to_export(path)
-    with staged_folder(out, overwrite, FolderKind("export", (MARK,), (MARK,))) as folder:
+    with staged_folder(out, overwrite, FolderKind("export", (EXPORT_MARK,), (EXPORT_MARK,))) as folder:
         summary = EXPORT_FORMS[form].write(bags, folder, options or ExportOptions())
-        (folder / MARK).write_text(f'{{"form": "{form}"}}\n', encoding="utf-8")
+        (folder / EXPORT_MARK).write_text(f'{{"form": "{form}"}}\n', encoding="utf-8")
         if source := BagReader(bags[next(iter(bags))]).provenance.fields.source:
             (folder / SOURCE_NAME).write_text(source, encoding="utf-8")
             summary = replace(summary, notes=(*summary.notes, _SOURCE_NOTE))

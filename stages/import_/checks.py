@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud, xyz
@@ -60,7 +61,7 @@ class DriveChecks:
                 f"({self._last[1]} ns); sort the frames by time"
             )
         for name, vehicle in frame.vehicles.items():
-            for problem in _problems(vehicle):
+            for problem in _problems(name, vehicle):
                 raise AdvpipeError(f"{frame.name}: {problem}")
             self._check_pose(frame, name, vehicle)
             for lidar, cloud in vehicle.clouds.items():
@@ -102,19 +103,24 @@ class DriveChecks:
             self.warnings.append(warning)
 
 
-def _problems(vehicle: VehicleFrame) -> Iterator[str]:
+def _problems(name: str, vehicle: VehicleFrame) -> Iterator[str]:
     for lidar, cloud in vehicle.clouds.items():
         if not len(cloud):
-            yield f"the cloud of {lidar} has no points"
+            fix = f"restore it, or choose frames without it ({option_name('frames', 'start:stop:step')})"
+            yield f"the cloud of {name}/{lidar} has no points; {fix}"
             continue
         points = xyz(cloud)
         finite = points[np.isfinite(points).all(axis=1)]
         if not len(finite):
-            yield f"the cloud of {lidar} has no finite point; its columns or its number type are others"
-        elif np.median(np.abs(finite)) > _FARTHEST_M:
             yield (
-                f"the points of {lidar} lie {np.median(np.linalg.norm(finite, axis=1)):,.0f} m away in the "
-                "median; give metres, in the sensor's own frame (or name the columns)"
+                f"the cloud of {name}/{lidar} has no finite point; restore it, or give it the columns and "
+                "the number type that the form has"
+            )
+        elif np.median(np.abs(finite)) > _FARTHEST_M:
+            distance_m = np.median(np.linalg.norm(finite, axis=1))
+            yield (
+                f"the points of {name}/{lidar} lie {distance_m:,.0f} m away in the median; give metres, in "
+                "the sensor's own frame (or name the columns)"
             )
     boxes = vehicle.boxes
     if boxes is not None and len(boxes):

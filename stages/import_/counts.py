@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.core.document import Document, read_json, read_text
+from advpipe.pipeline.core.text import counted, escape_unprintable
 from advpipe.stages.import_.drive import DriveFrame
+from advpipe.stages.import_.sparse import CloudSize
 
 _NAME = "part.json"
 
@@ -39,27 +42,37 @@ class FrameCounts:
 
     def __str__(self) -> str:
         mean = f"{self.points / max(self.clouds, 1):,.0f}"
-        return f"{self.clouds:,} clouds of {mean} points, {self.labels}"
+        clouds = counted(self.clouds, "cloud")
+        return f"{clouds} of {mean} points{' on average' if self.clouds > 1 else ''}, {self.labels}"
 
     @property
     def labels(self) -> str:
         """How much is labelled, and how much of it does not count, in words."""
         neither = [
-            f"{count:,} {what}"
-            for count, what in ((self.ignored, "others"), (self.regions, "regions"))
+            counted(count, what)
+            for count, what in ((self.ignored, "other"), (self.regions, "region"))
             if count
         ]
         uncounted = f" (and {' and '.join(neither)} that count neither way)" if neither else ""
-        return f"{self.objects:,} labelled objects{uncounted}"
+        return f"{counted(self.objects, 'labelled object')}{uncounted}"
+
+
+def cloud_sizes(frame: DriveFrame) -> Iterator[CloudSize]:
+    """The sizes of a frame's clouds."""
+    for name, vehicle in frame.vehicles.items():
+        for lidar, cloud in vehicle.clouds.items():
+            shown = escape_unprintable(frame.name)
+            yield CloudSize(lidar=f"{name}/{lidar}", frame=shown, points=len(cloud))
 
 
 class PartSummary(Document):
     """What is kept beside a finished part: a run that resumes says the same as one that was not killed.
 
-    counts: of its frames. warnings: of the checks, up to its end.
+    counts: of its frames. sizes: of its clouds. warnings: of the checks, up to its end.
     """
 
     counts: FrameCounts
+    sizes: tuple[CloudSize, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def write(self, folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -60,13 +60,15 @@ class VehicleFrame:
 class DriveFrame:
     """One instant of a drive.
 
-    name: by which errors and notices call it, such as the name of its cloud's file. stamp_ns: since the
-    epoch of the source's clock. vehicles: by name, which is their namespace; one is `ego`.
+    name: by which errors and notices call it, such as its cloud's file. stamp_ns: since the epoch of the
+    source's clock. vehicles: by name, which is their namespace; one is `ego`. source_name: what the source
+    calls it, such as 000008, which is kept; "" for none.
     """
 
     name: str
     stamp_ns: int
     vehicles: Mapping[str, VehicleFrame]
+    source_name: str = ""
 
 
 class DriveSource(Protocol):
@@ -97,6 +99,27 @@ class DriveSource(Protocol):
 
         Raises AdvpipeError, one line with the file's name and a way out, for what cannot be read.
         """
+
+
+@runtime_checkable
+class ClassifiedSource(DriveSource, Protocol):
+    """A source that can list the classes of its labels."""
+
+    def class_names(self) -> Collection[str]:
+        """The classes, in the source's spelling; reads all labels, and so is asked for only where needed."""
+
+
+@runtime_checkable
+class LicensedSource(DriveSource, Protocol):
+    """A source that states a licence of its own, other than that of its form."""
+
+    @property
+    def licence(self) -> str | None:
+        """SPDX identifier; None where it is unknown."""
+
+    @property
+    def citation(self) -> str:
+        """What its authors ask to be cited; "" where that is unknown."""
 
 
 @runtime_checkable

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,7 +103,14 @@ class PointFolder:
             boxes, ignored = self._boxes(file)
             pose = None if self.poses is None else self.poses[index] @ invert(self.base_SE3_lidar)
             vehicle = VehicleFrame({"lidar": cloud}, boxes, ignored=ignored, map_SE3_base=pose)
-            yield DriveFrame(str(file), stamp_ns, {"ego": vehicle})
+            yield DriveFrame(str(file), stamp_ns, {"ego": vehicle}, file.stem)
+
+    def class_names(self) -> Collection[str]:
+        """The classes of the files of boxes."""
+        if self.labels is None:
+            return ()
+        files = (self.labels / f"{file.stem}.txt" for file in self.files)
+        return {box.class_name for file in files if file.exists() for box in read_boxes(file)}
 
     def _boxes(self, file: Path) -> tuple[Boxes | None, IgnoredBoxes]:
         if self.labels is None or not (labels := self.labels / f"{file.stem}.txt").exists():
@@ -246,9 +253,9 @@ def _stray_labels(labels: Path, files: Sequence[Path]) -> list[str]:
         )
     notes = []
     if strays:
-        notes.append(f"{len(strays)} files in {LABELS}/ have no cloud, such as {strays[0].name}.")
+        notes.append(f"Files in {LABELS}/ without a cloud: {len(strays)}, such as {strays[0].name}.")
     if missing := len(stems) - (len(named) - len(strays)):
-        notes.append(f"{missing} of {len(stems)} clouds have no labels; they count as not labelled.")
+        notes.append(f"Clouds without labels: {missing} of {len(stems)}; they count as not labelled.")
     return notes
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from advpipe.pipeline.core.document import read_text
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.messages.cloud import Cloud
-from advpipe.stages.import_.point_files import COLUMN_NAMES, cloud_of_columns, read_floats
+from advpipe.stages.import_.point_files import COLUMN_NAMES, POINT_READERS, cloud_of_columns, read_floats
 
 INTERVAL_S = 5.0
 """Between frames that nothing relates: each is then a block of its own where intervals are drawn."""
@@ -27,9 +28,34 @@ def file_names(folder: Path, suffix: str) -> list[str]:
     return sorted(file.stem for file in folder.glob(f"*{suffix}") if not file.name.startswith("."))
 
 
+def cloud_names(folder: Path, suffix: str) -> list[str]:
+    """The names without suffix of a folder's clouds, sorted. Raises UsageError for clouds of another type."""
+    for other in sorted(set(POINT_READERS) - {suffix}):
+        if mixed := file_names(folder, other):
+            found = counted(len(mixed), f"{other} file")
+            raise UsageError(
+                f"{folder / mixed[0]}{other}: {folder.name} holds {found}, where "
+                f"this form has {suffix} alone; remove them, or import one type as `files`"
+            )
+    return file_names(folder, suffix)
+
+
+def stray_notes(folder: Path, suffix: str) -> list[str]:
+    """A sentence about what else lies in a folder of clouds; none where there is nothing else."""
+    strays = sorted(
+        entry.name
+        for entry in folder.iterdir()
+        if not entry.name.startswith(".") and (entry.suffix != suffix or not entry.is_file())
+    )
+    if not strays:
+        return []
+    more = f" and {len(strays) - 1} more" if len(strays) > 1 else ""
+    return [f"{folder.name} holds what is no {suffix} file, and is left out: {strays[0]}{more}"]
+
+
 def numbered_clouds(folder: Path, digits: int) -> list[int]:
     """The numbers of a folder's .bin files, sorted. Raises UsageError for none, and for another name."""
-    names = file_names(folder, ".bin")
+    names = cloud_names(folder, ".bin")
     if not names:
         raise UsageError(f"{folder} holds no .bin files; unpack the drive's clouds there")
     for name in names:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,7 +17,14 @@ from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.import_.drive import DriveFrame, DriveSource, VehicleFrame
-from advpipe.stages.import_.folders import file_names, frame_interval_ns, read_split, refuse_missing
+from advpipe.stages.import_.folders import (
+    cloud_names,
+    file_names,
+    frame_interval_ns,
+    read_split,
+    refuse_missing,
+    stray_notes,
+)
 from advpipe.stages.import_.form import DriveForm
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
 from advpipe.stages.import_.point_files import COLUMN_NAMES, cloud_of_columns, parse_columns
@@ -85,6 +92,7 @@ class PointFolders:
     def notes(self) -> Sequence[str]:
         """What was assumed."""
         notes = [f"frames without times, taken as {self._interval_ns / 1e9:g} s apart (--interval)"]
+        notes += stray_notes(self._source / "points", ".npy")
         if self._options.lidar_height_m is None:
             notes.append("the height of the LiDAR is unknown (--lidar-height)")
         if not self._is_labelled:
@@ -94,15 +102,22 @@ class PointFolders:
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
         """The frames from the index `first` on."""
         for index, name in enumerate(self._names[first:], first):
-            cloud = self._read_points(self._source / "points" / f"{name}.npy")
+            file = self._source / "points" / f"{name}.npy"
+            cloud = self._read_points(file)
             vehicle = VehicleFrame({"lidar": cloud})
             if self._is_labelled:
                 boxes, ignored = self._read_boxes(self._source / "labels" / f"{name}.txt", name)
                 vehicle = VehicleFrame({"lidar": cloud}, boxes, ignored=ignored)
-            yield DriveFrame(name, (index + 1) * self._interval_ns, {"ego": vehicle})
+            yield DriveFrame(str(file), (index + 1) * self._interval_ns, {"ego": vehicle}, name)
+
+    def class_names(self) -> Collection[str]:
+        """The classes of the chosen frames' labels."""
+        files = [self._source / "labels" / f"{name}.txt" for name in self._names if self._is_labelled]
+        lines = (line.split() for file in files for line in read_text(file).splitlines())
+        return {words[-1] for words in lines if words}
 
     def _checked_names(self, split: str | None) -> list[str]:
-        points = file_names(self._source / "points", ".npy")
+        points = cloud_names(self._source / "points", ".npy")
         labels = file_names(self._source / "labels", ".txt")
         if not points:
             raise UsageError(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.licence import check_licence
+from advpipe.pipeline.core.lidar_height import check_lidar_height
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.options import check_bounds, option
 
@@ -36,7 +37,7 @@ class ImportOptions:
         None, "Time between frames in seconds, where the source has no times.", least=0
     )
     lidar_height_m: float | None = option(
-        None, "Height of the LiDAR above the ground in metres, where the source does not know it.", least=0
+        None, "Height of the LiDAR above the ground in metres, where the source does not know it."
     )
     columns: str | None = option(
         None, "Columns of each point in a .bin or .npy file, such as x,y,z,intensity,ring; _ skips one."
@@ -62,6 +63,7 @@ class ImportOptions:
         for number in (each.name for each in fields(self) if isinstance(getattr(self, each.name), float)):
             if not math.isfinite(getattr(self, number)):
                 raise UsageError(f"{option_name(number)} is not a finite number")
+        check_lidar_height(self.lidar_height_m)
         if self.licence is not None:
             check_licence(self.licence)
         if self.scale_intensity == 0:

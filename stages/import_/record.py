@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.geometry.boxes import Boxes, count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
@@ -33,6 +34,9 @@ def frame_messages(frame: DriveFrame) -> Iterator[StampedCdr]:
     moving = [transform for name, vehicle in frame.vehicles.items() for transform in _moving(name, vehicle)]
     if moving:
         yield _stamped(topics.TF, build.transforms(stamp_ns, moving), stamp_ns)
+    if frame.source_name:
+        name = message_class(topics.SOURCE_FRAME.type)(data=escape_unprintable(frame.source_name))
+        yield _stamped(topics.SOURCE_FRAME, name, stamp_ns)
     for name, vehicle in frame.vehicles.items():
         yield from _vehicle_messages(name, vehicle, stamp_ns)
 

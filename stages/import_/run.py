@@ -21,16 +21,19 @@ from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
 from advpipe.pipeline.core.tabular import Rows, Tabular
-from advpipe.pipeline.core.text import escape_unprintable
+from advpipe.pipeline.core.text import counted, escape_unprintable
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
 from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.import_.checks import DriveChecks
-from advpipe.stages.import_.counts import FrameCounts, PartSummary, read_part_summary
-from advpipe.stages.import_.drive import DriveFrame, DriveSource, FingerprintedSource
+from advpipe.stages.import_.counts import FrameCounts, PartSummary, cloud_sizes, read_part_summary
+from advpipe.stages.import_.drive import DriveFrame, DriveSource, FingerprintedSource, LicensedSource
+from advpipe.stages.import_.form import DriveForm
 from advpipe.stages.import_.options import ImportOptions, ImportRequest
 from advpipe.stages.import_.record import frame_messages, static_messages
+from advpipe.stages.import_.refusals import refuse_export_folder, refuse_unknown_classes
 from advpipe.stages.import_.registry import find_form
+from advpipe.stages.import_.sparse import CloudSize, sparse_clouds
 
 IMPORTED = FolderKind("data set", (SOURCE_NAME, "clean"), (SOURCE_NAME, "clean/metadata.yaml"))
 
@@ -59,7 +62,8 @@ class ImportSummary(Tabular):
 
     def __str__(self) -> str:
         licence = f"licence: {self.licence or 'not stated (--licence), so the card cannot say it'}"
-        return "\n".join([f"{self.bag}: {self.frames} frames, {self.counts}", licence, *self.notes])
+        about = f"{self.bag}: {counted(self.frames, 'frame')}, {self.counts}"
+        return "\n".join([about, licence, *self.notes])
 
     def to_dicts(self) -> Rows:
         """One row: the bag and its counts."""
@@ -78,10 +82,12 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         raise OutputExistsError(out)
     form = find_form(request.form)
     request.options.refuse_others(request.form, form.takes)
+    refuse_export_folder(request.source)
     with as_usage_error():
         source = form.open(request.source, request.options)
         indices = FrameSlice.parse(request.options.frames).indices(source.frame_count)
-    description = _description(request, source, form.licence, form.citation)
+        refuse_unknown_classes(form, source, request)
+    description = _description(request, source, form)
     checks = DriveChecks(source.are_related)
     plan_progress({f"importing {source.name}": 9, "writing the bag": 3})
     with (
@@ -89,7 +95,8 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         staged_folder(out, overwrite, IMPORTED) as folder,
     ):
         parts = list(_parts(source, indices, job, checks))
-        counts = sum((read_part_summary(part).counts for part in parts), FrameCounts())
+        summaries = [read_part_summary(part) for part in parts]
+        counts = sum((each.counts for each in summaries), FrameCounts())
         description["labels"] = counts.labels
         text = yaml.safe_dump(description, sort_keys=False, allow_unicode=True)
         (folder / SOURCE_NAME).write_text(text, encoding="utf-8")
@@ -97,7 +104,8 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         with BagWriter(folder / "clean", provenance=provenance, finish=write_layouts) as writer:
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
-    notes = (*_licence_note(request, form.licence), *source.notes, *checks.warnings)
+    sparse = sparse_clouds(size for each in summaries for size in each.sizes)
+    notes = (*_licence_note(request, form.licence), *source.notes, *checks.warnings, *sparse)
     return ImportSummary(out / "clean", request.form, len(indices), counts, description["licence"], notes)
 
 
@@ -122,10 +130,12 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
         expected = min(PART_FRAMES, len(indices) - start)
         with BagWriter(part, provenance={"kind": "part"}, compression="lz4") as writer:
             counts, read = FrameCounts(), 0
+            sizes: list[CloudSize] = []
             for frame in islice(chosen, expected):
                 checks.check(frame)
                 read += 1
                 counts += FrameCounts.of(frame)
+                sizes += cloud_sizes(frame)
                 for message in frame_messages(frame):
                     writer.write_cdr(*message)
             if read < expected:
@@ -133,7 +143,8 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
                     f"{source.name} ends after {start + read} of {len(indices)} frames; it is truncated, or "
                     "changes while it is read"
                 )
-            PartSummary(counts=counts, warnings=tuple(checks.warnings)).write(writer.folder)
+            warnings = tuple(checks.warnings)
+            PartSummary(counts=counts, sizes=tuple(sizes), warnings=warnings).write(writer.folder)
         yield part
 
 
@@ -185,11 +196,10 @@ def _licence_note(request: ImportRequest, licence: str | None) -> Iterator[str]:
         )
 
 
-def _description(
-    request: ImportRequest, source: DriveSource, licence: str | None, citation: str
-) -> dict[str, Any]:
+def _description(request: ImportRequest, source: DriveSource, form: DriveForm) -> dict[str, Any]:
     """What source.yaml and the provenance say: the form, the source's name, its licence, and the options."""
     default, given = ImportOptions(), request.options
+    published = source if isinstance(source, LicensedSource) else form
     changed = {
         each.name: value
         for each in fields(ImportOptions)
@@ -199,8 +209,8 @@ def _description(
         "form": request.form,
         "name": escape_unprintable(source.name),
         "source": escape_unprintable(request.source.resolve().name),
-        "licence": given.licence or licence,
-        "citation": citation,
+        "licence": given.licence or published.licence,
+        "citation": published.citation,
         "notes": list(source.notes),
         "options": {name: value for name, value in changed.items() if name != "licence"},
     }

@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_source import read_source
 from advpipe.pipeline.core.document import Document, Number, ShortText, Text, read_yaml
 from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
@@ -25,7 +26,6 @@ from advpipe.stages.share.facts import BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
 from advpipe.stages.share.options import ShareOptions
 from advpipe.stages.share.pictures import SharedPicture
-from advpipe.stages.share.source import read_source
 
 _HUB_LICENCES = (
     "apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc-by-nc-sa-3.0",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.provenance import parent_sha256
+from advpipe.pipeline.bag.recorded_source import read_source
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
@@ -21,7 +22,7 @@ from advpipe.stages.share.additions import write_additions
 from advpipe.stages.share.chain import check_chain
 from advpipe.stages.share.facts import read_facts
 from advpipe.stages.share.options import DEFAULT_OPTIONS, ShareOptions
-from advpipe.stages.share.source import read_source, source_warnings, with_source
+from advpipe.stages.share.source import source_warnings, with_source
 from advpipe.stages.share.warnings import sharing_warnings
 
 __all__ = ["ShareOptions", "ShareSummary", "share"]

@@ -4,32 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
-from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.document import Document, ShortText, Text, read_yaml
+from advpipe.pipeline.bag.recorded_source import RecordedSource
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.stages.share.options import ShareOptions
-
-
-class RecordedSource(Document):
-    """The part of a bag's record of its source that a card shows."""
-
-    form: ShortText = ""
-    name: ShortText = ""
-    licence: ShortText | None = None
-    citation: Text = ""
-    labels: ShortText = ""
-
-
-def read_source(bag: Path) -> RecordedSource | None:
-    """The source of an imported bag; None for another one. Raises AdvpipeError for an invalid record."""
-    text = BagReader(bag).provenance.fields.source
-    if not text.strip():
-        return None
-    where = f"{bag}: the provenance record: source"
-    found: RecordedSource = read_yaml(text, RecordedSource, where, "import the drive again")
-    return found
 
 
 def with_source(options: ShareOptions, source: RecordedSource | None) -> ShareOptions:

@@ -16,6 +16,7 @@ from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.pipeline.viewer_layouts.files import write_layouts
@@ -61,9 +62,9 @@ class SimulationSummary(Tabular):
 
     def __str__(self) -> str:
         summary = (
-            f"{self.bag}: {self.frames} frames, "
-            f"{self.clouds} clouds of {self.points / max(self.clouds, 1):,.0f} points, "
-            f"{self.road_users} road users in range"
+            f"{self.bag}: {counted(self.frames, 'frame')}, "
+            f"{counted(self.clouds, 'cloud')} of {self.points / max(self.clouds, 1):,.0f} points, "
+            f"{counted(self.road_users, 'road user')} in range"
         )
         return "\n".join(
             [summary, *(f"{name}: {value}" for name, value in (self.v2x.lines() if self.v2x else ()))]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import points_in_boxes
-from advpipe.pipeline.geometry.transforms import wrap_angle
+from advpipe.pipeline.geometry.transforms import Float64, se3, wrap_angle
 from advpipe.stages.train.config import Augmentation
 from advpipe.stages.train.frames import FrameStore, TrainingFrame
 
@@ -54,11 +56,12 @@ class ObjectBank:
         labels = np.array([label for _, label in chosen])[free]
         counts = np.array([len(p) for p in points])[free]
         new_points = [p for p, ok in zip(points, free, strict=True) if ok]
-        return TrainingFrame(
-            np.concatenate([frame.points[kept], *new_points]),
-            taken,
-            np.concatenate([frame.labels, labels]),
-            np.concatenate([frame.counts, counts]),
+        return replace(
+            frame,
+            points=np.concatenate([frame.points[kept], *new_points]),
+            boxes=taken,
+            labels=np.concatenate([frame.labels, labels]),
+            counts=np.concatenate([frame.counts, counts]),
         )
 
 
@@ -75,21 +78,34 @@ def _turned(
 def rotate(frame: TrainingFrame, yaw_rad: float) -> TrainingFrame:
     """The frame turned about the sensor's z axis."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    turn = np.array([[c, s], [-s, c]])
-    points, boxes = frame.points.copy(), frame.boxes.copy()
-    points[:, :2] = frame.points[:, :2] @ turn.astype(np.float32)
-    boxes[:, :2] = frame.boxes[:, :2] @ turn
-    boxes[:, 6] = wrap_angle(boxes[:, 6] + yaw_rad)
-    return TrainingFrame(points, boxes, frame.labels, frame.counts)
+    return _transformed(frame, np.array([[c, -s], [s, c]]), yaw_rad, 1)
 
 
 def flip(frame: TrainingFrame) -> TrainingFrame:
     """The frame's mirror image, left for right."""
-    points, boxes = frame.points.copy(), frame.boxes.copy()
-    points[:, 1] *= -1
-    boxes[:, 1] *= -1
-    boxes[:, 6] = wrap_angle(-boxes[:, 6])
-    return TrainingFrame(points, boxes, frame.labels, frame.counts)
+    return _transformed(frame, np.diag([1.0, -1.0]), 0.0, -1)
+
+
+def _transformed(frame: TrainingFrame, matrix: Float64, yaw_rad: float, sign: int) -> TrainingFrame:
+    """The frame, its ground rotated or reflected by a matrix (2, 2); a heading h becomes sign h + yaw_rad."""
+    points = frame.points.copy()
+    points[:, :2] = frame.points[:, :2] @ matrix.T.astype(np.float32)
+    new_SE3_old = np.eye(4)
+    new_SE3_old[:2, :2] = matrix
+
+    def turned(boxes: Float64) -> Float64:
+        new = boxes.copy()
+        new[:, :2] = boxes[:, :2] @ matrix.T
+        new[:, 6] = wrap_angle(sign * boxes[:, 6] + yaw_rad)
+        return new
+
+    return replace(
+        frame,
+        points=points,
+        boxes=turned(frame.boxes),
+        ignored=turned(frame.ignored),
+        coverage=frame.coverage.transformed(new_SE3_old),
+    )
 
 
 def augment(
@@ -107,7 +123,7 @@ def augment(
     if config.drop:
         points = points[rng.random(len(points), dtype=np.float32) < keep]
     # Objects that lose their points are ignored in training.
-    frame = TrainingFrame(points, frame.boxes, frame.labels, (frame.counts * keep).astype(np.int64))
+    frame = replace(frame, points=points, counts=(frame.counts * keep).astype(np.int64))
     if config.flip and rng.random() < 0.5:
         frame = flip(frame)
     frame = rotate(frame, rng.uniform(-config.yaw_rad, config.yaw_rad))
@@ -115,8 +131,11 @@ def augment(
     shift = rng.uniform(-config.shift_voxels, config.shift_voxels, 3) * voxel_size_m
     frame.points[:, :3] *= np.float32(scale)
     frame.points[:, :3] += shift.astype(np.float32)
-    frame.boxes[:, :6] *= scale
-    frame.boxes[:, :3] += shift
+    for boxes in (frame.boxes, frame.ignored):
+        boxes[:, :6] *= scale
+        boxes[:, :3] += shift
+    moved = se3(scale * np.eye(3), shift)
+    frame = replace(frame, coverage=frame.coverage.transformed(moved))
     if config.jitter_m:
         sigma = np.float32(rng.uniform(0, config.jitter_m))
         frame.points[:, :3] += sigma * rng.standard_normal((len(frame.points), 3), dtype=np.float32)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.common.network import LabelledPoints
+from advpipe.pipeline.messages.labels import IgnoredBoxes
 from advpipe.stages.train.augment import ObjectBank, augment
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.frames import FrameStore
@@ -32,4 +34,5 @@ class Examples:
             torch.from_numpy(frame.boxes.astype(np.float32)),
             torch.from_numpy(frame.labels),
             torch.from_numpy(frame.counts < config.min_points),
+            Uncounted(IgnoredBoxes(frame.ignored), frame.coverage),
         )

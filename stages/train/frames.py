@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Protocol
@@ -12,10 +12,15 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.partial import PartialFolder
-from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
+from advpipe.pipeline.geometry.boxes import Boxes, no_boxes, points_in_boxes
+from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.messages.cloud import Cloud, xyzi
+from advpipe.stages.train.stored_uncounted import StoredUncounted, store_uncounted
+
+_UNCOUNTED = "uncounted.npz"
 
 Points = npt.NDArray[np.float32]
 
@@ -29,15 +34,23 @@ class LabelledCloud(Protocol):
     @property
     def boxes(self) -> Boxes: ...
 
+    @property
+    def uncounted(self) -> Uncounted: ...
+
 
 @dataclass(frozen=True)
 class TrainingFrame:
-    """points: (N, 4) x, y, z, intensity. boxes: (M, 7). labels: (M,). counts: (M,) points inside."""
+    """points: (N, 4) x, y, z, intensity. boxes: (M, 7). labels: (M,). counts: (M,) points inside.
+
+    ignored: (I, 7), objects that count neither way. coverage: where objects are labelled.
+    """
 
     points: Points
     boxes: npt.NDArray[np.float64]
     labels: npt.NDArray[np.int64]
     counts: npt.NDArray[np.int64]
+    ignored: npt.NDArray[np.float64] = field(default_factory=no_boxes)
+    coverage: LabelCoverage = field(default_factory=LabelCoverage)
 
 
 @dataclass(frozen=True)
@@ -45,7 +58,7 @@ class FrameStore:
     """A folder of frames.
 
     points.bin: all points, 4 x float32; objects.bin: the points inside each box, box after box;
-    index.npz: where each frame and box begins, and the boxes.
+    index.npz: where each frame and box begins, and the boxes; uncounted.npz: see `stored_uncounted`.
     """
 
     folder: Path
@@ -75,6 +88,10 @@ class FrameStore:
         index["objects"] = np.concatenate([[0], np.cumsum(index["counts"])])
         return index
 
+    @cached_property
+    def _uncounted(self) -> StoredUncounted:
+        return StoredUncounted.read(self.folder / _UNCOUNTED)
+
     def __len__(self) -> int:
         return len(self._index["frame_points"]) - 1
 
@@ -96,6 +113,7 @@ class FrameStore:
             self._index["boxes"][first:last].astype(np.float64),
             self.labels[first:last],
             self.counts[first:last],
+            *self._uncounted.of(i),
         )
 
     def object(self, i: int) -> tuple[Points, npt.NDArray[np.float64]]:
@@ -113,6 +131,7 @@ class FrameStore:
 def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> None:
     """Write the files of a `FrameStore` into an empty folder."""
     boxes, labels, counts, frame_points, frame_boxes = [], [], [], [0], [0]
+    uncounted = []
     with (
         (folder / "points.bin").open("wb") as points_file,
         (folder / "objects.bin").open("wb") as objects,
@@ -130,8 +149,10 @@ def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> No
             counts += [len(rows) for rows in inside]
             frame_points.append(frame_points[-1] + len(points))
             frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
+            uncounted.append(frame.uncounted)
     if not boxes or not frame_points[-1]:
         raise AdvpipeError("the bags contain no labelled clouds to train on")
+    store_uncounted(uncounted, folder / _UNCOUNTED)
     np.savez(
         folder / "index.npz",
         boxes=np.concatenate(boxes),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -18,8 +17,10 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.jobs import usable_cores
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.detector.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.device import device_record, open_device
@@ -30,6 +31,7 @@ from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
+from advpipe.stages.train.heights import training_height
 from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.state import TrainState
@@ -38,6 +40,9 @@ from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, stric
 from advpipe.stages.train.workers import Gradients, gradients
 
 READING = "reading the bags"
+
+STORED = "with what does not count"
+"""What frames are stored with: a run of an earlier release stores them again."""
 
 SOME_FRAMES = 40
 """Number of frames of a validation during the run."""
@@ -62,7 +67,7 @@ class TrainSummary(Tabular):
             for name, precision in self.precision.items()
             if precision.boxes
         )
-        return f"{self.checkpoint}: {self.steps} steps on {self.frames} frames" + (
+        return f"{self.checkpoint}: {counted(self.steps, 'step')} on {counted(self.frames, 'frame')}" + (
             f"; 3D AP on the held-out bag: {found}" if found else ""
         )
 
@@ -105,9 +110,10 @@ def _train(
     """Run the remaining steps and the last validation, and write the files of a finished run."""
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
-    workers = min(config.batch_size, config.workers or os.cpu_count() or 1)
-    maps = training_maps([labelled_bag(bag) for bag in config.bags], config.start)
-    provenance = training_provenance(config, origin, len(store), steps) | {KEY: maps}
+    workers = min(config.batch_size, config.workers or usable_cores())
+    bags = [labelled_bag(bag) for bag in config.bags]
+    about_bags = {KEY: training_maps(bags, config.start), **training_height(bags)}
+    provenance = training_provenance(config, origin, len(store), steps) | about_bags
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
     if folder.state.is_file():
@@ -187,7 +193,7 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
         for bag in digests:
             yield from track(read_frames(bag), f"read {bag.name}", total=count_frames(bag))
 
-    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m], radius_m)
+    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m, STORED], radius_m)
 
 
 def validation_drive(config: TrainConfig) -> ValidationDrive | None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.text import counted
 
 FAULTS_A_PLACE = 5
 """Number of faults of one check at one place that are reported individually; the others are counted."""
@@ -70,7 +71,7 @@ class Verification(Tabular):
 
     def __str__(self) -> str:
         faults = len(self.findings)
-        outcome = f"{faults} findings" if faults > 1 else "1 finding" if faults else "good"
+        outcome = counted(faults, "finding") if faults else "good"
         return f"{one_line(self.path)}: {outcome}"
 
     def to_dicts(self) -> Rows:

@@ -1,4 +1,7 @@
-"""The notebook is committed without outputs, runs from top to bottom, and shows what it computed."""
+"""The notebook is committed without outputs, runs from top to bottom, and shows what it computed.
+
+It is run at night: test_commands.py calls the same functions in every run.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +22,11 @@ def read() -> Any:
     return nbformat.read(NOTEBOOK, as_version=4)
 
 
-RATIO = "ratio=0.01"
-"""Followed by other rounds than its ten, the attack takes a third of the time."""
-
-
-@pytest.fixture(scope="module", params=[", rounds=2", pytest.param("", marks=pytest.mark.nightly)])
-def executed(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, dict[str, list[Any]]]:
+@pytest.fixture(scope="module")
+def executed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[Any]]]:
     """The folder in which the notebook ran, and the outputs of its cells by their ids."""
     folder = tmp_path_factory.mktemp("notebook")
     notebook = read()
-    (cell,) = [cell for cell in notebook.cells if RATIO in cell.source]
-    cell.source = cell.source.replace(RATIO, RATIO + request.param)
     NotebookClient(notebook, timeout=900, resources={"metadata": {"path": str(folder)}}).execute()
     return folder, {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
 
@@ -44,8 +39,11 @@ def test_it_is_committed_without_outputs() -> None:
     code = [cell for cell in read().cells if cell.cell_type == "code"]
     assert code
     assert all(cell.outputs == [] and cell.execution_count is None for cell in code)
+    for cell in code:
+        compile(cell.source, cell.id, "exec")
 
 
+@pytest.mark.nightly
 def test_it_records_attacks_and_reports(executed: tuple[Path, dict[str, list[Any]]]) -> None:
     folder, outputs = executed
     data_set = folder / "datasets" / "smoke"
@@ -59,12 +57,14 @@ def test_it_records_attacks_and_reports(executed: tuple[Path, dict[str, list[Any
     assert "2 frames, 2 attacked" in html(outputs["attack"])
 
 
+@pytest.mark.nightly
 def test_it_shows_the_clouds(executed: tuple[Path, dict[str, list[Any]]]) -> None:
     _, outputs = executed
     (picture,) = [output for output in outputs["birds-eye"] if "image/png" in output.get("data", {})]
     assert len(picture.data["image/png"]) > 20_000
 
 
+@pytest.mark.nightly
 def test_it_shows_the_figures_of_the_report(executed: tuple[Path, dict[str, list[Any]]]) -> None:
     folder, outputs = executed
     report = json.loads((folder / "datasets/smoke/reports/small/report.json").read_text())

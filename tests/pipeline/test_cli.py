@@ -216,7 +216,9 @@ def test_training_is_summed_up_in_one_line(tmp_path: Path) -> None:
 def test_the_schema_is_printed_and_written(run: Run, tmp_path: Path) -> None:
     printed = run("schema")
     assert json.loads(printed.stdout)["additionalProperties"] is False
-    assert run("schema", "-o", "s.json").stdout == "s.json\n"
+    written, following = run("schema", "-o", "s.json").stdout.splitlines()
+    assert written == "schema: s.json"
+    assert following.startswith("next: ")
     assert (tmp_path / "s.json").read_text() == printed.stdout
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, SweepBudget
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
 from advpipe.pipeline.campaigns.sweep.scored import scored_cell
-from advpipe.pipeline.campaigns.sweep.variants import HIDE, split_recipe, steps_factor
+from advpipe.pipeline.campaigns.sweep.variants import split_recipe, steps_factor, variant_parameters
 from advpipe.pipeline.core.errors import writing
 from advpipe.pipeline.core.partial import remove_output
 from advpipe.pipeline.core.progress import plan_progress, working_on
@@ -35,8 +34,8 @@ class Bench:
 
     def request(self, budget: SweepBudget, recipe: str, settings: Settings) -> AttackRequest:
         """The attack of a budget, by a recipe and its variants."""
-        base, variants = split_recipe(recipe)
-        parameters: dict[str, Any] = {**budget.parameters, **({"goal": "hide"} if HIDE in variants else {})}
+        base, _ = split_recipe(recipe)
+        parameters = {**budget.parameters, **(variant_parameters(recipe, budget.attack) or {})}
         if (factor := steps_factor(recipe)) != 1:
             once = build_lidar_attack(
                 attack_spec({"type": budget.attack, "recipe": base, "parameters": parameters})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
@@ -58,6 +59,24 @@ TABLES: dict[str, tuple[SweepBudget, ...]] = {
 }
 """Table II, in its order: mAP ratio in percent, Chamfer distance in m²."""
 
+_TEXT_DETACH_PERCENT = (0.1, 0.3, 0.5, 0.7, 1.0, 1.5)
+
+TABLES["text"] = tuple(
+    next(
+        (each for each in TABLES["paper"] if (each.attack, each.printed) == ("detach", percent)),
+        SweepBudget("detach", percent, nan, nan),
+    )
+    for percent in _TEXT_DETACH_PERCENT
+)
+"""The shares that detach removes by the paper's text (section IV-B); of 0.7 % it prints no figures."""
+
+BUDGETS = tuple(
+    sorted(
+        {*TABLES["paper"], *TABLES["text"]}, key=lambda each: (list(AXES).index(each.attack), each.printed)
+    )
+)
+"""All budgets, by attack from small to large."""
+
 TABLE_ONE = tuple(
     budget.name
     for budget in TABLES["paper"]
@@ -82,5 +101,7 @@ def choose_budgets(table: str, names: Sequence[str] = ()) -> tuple[SweepBudget, 
 
 def budget_named(name: str) -> SweepBudget:
     """The budget of that name."""
-    (budget,) = choose_budgets("paper", [name])
-    return budget
+    known = {budget.name: budget for budget in BUDGETS}
+    if name not in known:
+        raise UsageError(f"unknown cell {name!r}; {known_names(name, known)}")
+    return known[name]

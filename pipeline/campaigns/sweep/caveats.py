@@ -8,8 +8,9 @@ from advpipe.pipeline.campaigns.sweep.budgets import AXES
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.ingredients import lines_of, measured
 from advpipe.pipeline.campaigns.sweep.variants import split_recipe
+from advpipe.pipeline.results.row import RANDOM_BEST
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.wording import OVERLAPS, RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OLDER_BASELINES, OVERLAPS, WHITE_BOX
 
 SAME_DATA = (
     "The paper's figures are those of its own detector and its own recording of Town06; ours are of the "
@@ -27,7 +28,8 @@ def sweep_caveats(cells: Sequence[Cell]) -> list[str]:
     """Sentences for the page, the terminal and report.json."""
     return [
         SAME_DATA,
-        *([RANDOM_BEST] if any(cell.row.baselines for cell in cells) else []),
+        *([ABOUT_BASELINES] if any(RANDOM_BEST in cell.row.baselines for cell in cells) else []),
+        *([OLDER_BASELINES] if any(_is_older(cell) for cell in cells) else []),
         *_random_best_measured(cells),
         *_lost(cells),
         *_held_still(cells),
@@ -77,9 +79,13 @@ def _held_still(cells: Sequence[Cell]) -> list[str]:
                 f"{cell.name}: the weight λ = {weight:g} of the Chamfer distance, beside steps of equal "
                 f"length for each point, holds the points to {1000 * moved_m:.1f} mm (RMS) of the "
                 f"{10 * allowed_cm:g} mm allowed, so these are figures of hardly any perturbation. The paper "
-                "names no λ."
+                "names a λ and gives it no value."
             )
     return sentences
+
+
+def _is_older(cell: Cell) -> bool:
+    return bool(cell.row.baselines) and RANDOM_BEST not in cell.row.baselines
 
 
 def _recipe(cell: Cell) -> str:

@@ -77,7 +77,7 @@ class Cell:
 
     @property
     def strongest_random(self) -> CloudMetrics | None:
-        """Those of the strongest plain random baseline; None without one."""
+        """Those of the baseline to beat; None without one."""
         name = self.row.strongest_baseline
         return None if name is None else self.row.metrics_of(name)
 

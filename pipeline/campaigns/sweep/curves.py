@@ -9,12 +9,12 @@ from math import isnan
 
 from matplotlib.axes import Axes
 
-from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLES
+from advpipe.pipeline.campaigns.sweep.budgets import AXES, BUDGETS
 from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.tables import RANDOM
 from advpipe.pipeline.campaigns.sweep.variants import by_steps, steps_factor
 from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LINE, PREDICTION, SOFT, TRUTH, plain_axes
-from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
 
 MARKS = ("o", "s", "^", "D", "v")
 PAPER = "the paper"
@@ -30,8 +30,7 @@ class Point:
 
 
 def draw_sweep_curves(cells: Sequence[Cell], attack: str) -> Figure:
-    """Two panels of one attack: the paper's figures in blue, ours in red, the strongest plain random baseline
-    in grey."""
+    """Two panels of one attack: the paper's figures in blue, ours in red, the baseline to beat in grey."""
     figure = Figure(figsize=(11, 4.4), dpi=110, facecolor="white", layout="constrained")
     lines = curve_points(cells, attack)
     for place, label in enumerate((AXES[attack].title, "Chamfer distance in m²")):
@@ -54,11 +53,12 @@ def draw_sweep_curves(cells: Sequence[Cell], attack: str) -> Figure:
 
 def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str], list[Point]]:
     """The points of each line, in the order of budgets; by title, colour and style of the line."""
-    budgets = {budget.name: budget for budget in TABLES["paper"] if budget.attack == attack}
+    budgets = {budget.name: budget for budget in BUDGETS if budget.attack == attack}
     lines: dict[tuple[str, str, str], list[Point]] = {
         (PAPER, TRUTH, "x--"): [
             Point((each.printed, each.paper_chamfer_distance_m2), each.paper_map_ratio_percent)
             for each in budgets.values()
+            if not isnan(each.paper_map_ratio_percent)
         ]
     }
     for number, recipe in enumerate(_plain_recipes(cells)):
@@ -66,7 +66,7 @@ def curve_points(cells: Sequence[Cell], attack: str) -> dict[tuple[str, str, str
         mine = {cell.budget: cell for cell in cells if cell.recipe == recipe}
         for title, colour, style, is_random in (
             (f"ours, recipe {recipe}", PREDICTION, f"{mark}-", False),
-            (f"strongest {PLAIN_RANDOM} baseline of {recipe}", BASELINE, f"{mark}:", True),
+            (f"{RANDOM} beside {recipe}", BASELINE, f"{mark}:", True),
         ):
             points = [
                 point

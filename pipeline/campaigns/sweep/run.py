@@ -17,8 +17,8 @@ from advpipe.pipeline.campaigns.sweep.panel_pictures import panel_pictures
 from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, records
-from advpipe.pipeline.campaigns.sweep.variants import steps_factor
-from advpipe.pipeline.core.errors import as_usage_error
+from advpipe.pipeline.campaigns.sweep.variants import steps_factor, variant_parameters
+from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
 from advpipe.pipeline.core.verbosity import detail, print_result
@@ -52,13 +52,21 @@ class Sweep:
         with as_usage_error():
             for recipe, budget in prepared.places():
                 bench.request(budget, recipe, settings).check()
-        count = len(options.recipes) * len(budgets)
+        count = len(list(prepared.places()))
+        if not count:
+            attacks = ", ".join(sorted({budget.attack for budget in budgets}))
+            raise UsageError(f"no cell: {attacks} has no {' and no '.join(options.recipes)}")
         detail(f"{count} cells of {clean}: {options.detector} on {options.device}, seed {options.seed}")
         return prepared
 
     def places(self) -> Iterator[tuple[str, SweepBudget]]:
-        """The cells by recipe and budget."""
-        return ((recipe, budget) for recipe in self.options.recipes for budget in self.budgets)
+        """The cells by recipe and budget, but for variants that an attack does not have."""
+        return (
+            (recipe, budget)
+            for recipe in self.options.recipes
+            for budget in self.budgets
+            if variant_parameters(recipe, budget.attack) is not None
+        )
 
     def check(self, count: int) -> list[str]:
         """Compute so many finished cells again and compare them; returns their names, see `check_cells`."""
@@ -144,7 +152,7 @@ def cell_name(recipe: str, budget: SweepBudget) -> str:
 def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:
     return (
         f"{cell.name}: mAP ratio {formatted_number(cell.attacked.map_ratio_percent, 2)} % (the paper: "
-        f"{budget.paper_map_ratio_percent:.2f} %), {len(cell.frames)} frames, "
+        f"{formatted_number(budget.paper_map_ratio_percent, 2)} %), {len(cell.frames)} frames, "
         f"attack {times.attack_s:.0f} s, evaluation {times.evaluate_s:.0f} s"
     )
 

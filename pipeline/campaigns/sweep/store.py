@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from advpipe.pipeline.campaigns.sweep.budgets import TABLES
+from advpipe.pipeline.campaigns.sweep.budgets import BUDGETS
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.atomic_file import write_atomically
@@ -29,7 +29,7 @@ class Store:
 
     def cells(self) -> list[Cell]:
         """All finished cells, by recipe, in the table's order. Raises AdvpipeError for an invalid file."""
-        order = [budget.name for budget in TABLES["paper"]]
+        order = [budget.name for budget in BUDGETS]
         found = [_read(path) for path in (self.folder / CELLS).glob("*.json")]
         return sorted(found, key=lambda cell: (cell.recipe, order.index(cell.budget)))
 
@@ -112,7 +112,7 @@ def _short(value: object) -> str:
 def _read(path: Path) -> Cell:
     try:
         cell = Cell.from_json(path.read_text(encoding="utf-8"), path.parent)
-        if path.stem != cell.name or cell.budget not in {budget.name for budget in TABLES["paper"]}:
+        if path.stem != cell.name or cell.budget not in {budget.name for budget in BUDGETS}:
             raise ValueError(f"holds {cell.name}")
         return cell
     except (ValueError, KeyError, TypeError, AttributeError):

@@ -1,20 +1,30 @@
-"""Variants of a recipe in a sweep: `best+twice` takes twice its steps, `best+hide` hides objects."""
+"""Variants of a recipe in a sweep: `best+twice` takes twice its steps, `best+ray` keeps points on rays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
+from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
+from advpipe.stages.attack.parameters import known_parameters
 
-HIDE = "hide"
-"""Minimises boxes of loose overlap; without it, an attack minimises boxes of strict overlap."""
+PARAMETERS: Mapping[str, Mapping[str, Any]] = {
+    "hide": {"goal": "hide"},
+    "ray": {"along_ray": True},
+    "order": {"keep_occlusion_order": True},
+    "detections": {"truth": "detections"},
+    "weighted": {"weight": 0.01},
+}
+"""What a variant gives the attack: to minimise boxes of loose overlap, not of strict; to keep points on their
+rays, or in front of what they hide; to know the clean detections, not the true boxes; the paper's λ."""
 
 STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
 """Factors of the number of steps, to see whether more steps make the attack stronger."""
 
-VARIANTS = (HIDE, *STEPS)
+VARIANTS = (*PARAMETERS, *STEPS)
 
 
 def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
@@ -31,6 +41,15 @@ def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
     if len([variant for variant in variants if variant in STEPS]) > 1:
         raise UsageError(f"recipe {text} asks for two numbers of steps; take one of {', '.join(STEPS)}")
     return recipe, tuple(variants)
+
+
+def variant_parameters(recipe: str, attack: str) -> dict[str, Any] | None:
+    """What the variants of a recipe give an attack; None where it has no such parameter, as `detach`, which
+    moves no point, has no `along_ray`."""
+    found: dict[str, Any] = {}
+    for variant in split_recipe(recipe)[1]:
+        found |= PARAMETERS.get(variant, {})
+    return found if found.keys() <= known_parameters(LIDAR_ATTACKS.find(attack)).keys() else None
 
 
 def steps_factor(recipe: str) -> float:

@@ -8,6 +8,7 @@ from math import pi
 import torch
 from torch import Tensor
 
+from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.detector.common.preset import AnchorPreset
 
 
@@ -65,13 +66,20 @@ class AnchorGrid:
         return torch.cat([xy, self.shapes[shape]], dim=1)
 
     @torch.no_grad()
-    def assign(self, boxes: Tensor, labels: Tensor, ignored: Tensor | None = None) -> Targets:
+    def assign(
+        self,
+        boxes: Tensor,
+        labels: Tensor,
+        ignored: Tensor | None = None,
+        uncounted: Uncounted | None = None,
+    ) -> Targets:
         """Targets for boxes (M, 7) and labels (M,); boxes in the mask `ignored` (M,) are not learned.
 
         The rules are those of OpenPCDet's AxisAlignedTargetAssigner. Within a class, the IoU of an anchor and
         a box is computed for their nearest axis-aligned rectangles. An anchor is positive from `positive_iou`
         on, and so are the best anchors of each box, whatever their IoU; an anchor between both thresholds is
-        ignored. The anchors of an ignored box are ignored, too, instead of being background.
+        ignored. The anchors of an ignored box are ignored, too, instead of being background, and so are those
+        on objects or in regions of `uncounted`, where nobody knows what is background.
         """
         r = self.preset.range_m
         inside = (boxes[:, 0] >= r.x_min_m) & (boxes[:, 0] < r.x_max_m)
@@ -104,8 +112,22 @@ class AnchorGrid:
                 matched.append(learned[matched_box.flatten()[rows]])
             skipped.append(flat[grey.flatten()])
         none = labels.new_zeros(0)
+        if uncounted:
+            outside = self._uncounted(uncounted)
+            outside[torch.cat([*positive, none])] = False
+            skipped.append(outside.nonzero().squeeze(1))
         match = torch.cat([*matched, none])
         return Targets(torch.cat([*positive, none]), boxes[match], labels[match], torch.cat([*skipped, none]))
+
+    def _uncounted(self, uncounted: Uncounted) -> Tensor:
+        """Which anchors (H W A,) are centred where nothing counts, or lie on an object that does not."""
+        anchors = self.boxes(torch.arange(self.height * self.width * self.per_cell, device=self.x.device))
+        found = torch.from_numpy(uncounted.ignores_centres(anchors.cpu().double().numpy())).to(self.x.device)
+        if len(uncounted.boxes):
+            objects = torch.from_numpy(uncounted.boxes.geometry).to(self.shapes)
+            shapes = torch.arange(self.per_cell, device=self.x.device)
+            found |= (self._iou(objects, shapes).amax(0) >= self.negative_iou).flatten()
+        return found
 
     def _iou(self, boxes: Tensor, shapes: Tensor) -> Tensor:
         """IoU (M, H, W, S) of the boxes' nearest axis-aligned rectangles with those of anchor shapes (S,)."""

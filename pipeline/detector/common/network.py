@@ -13,9 +13,10 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.common.preset import Preset
-from advpipe.pipeline.detector.expected_input import ExpectedInput
+from advpipe.pipeline.detector.expected_input import ExpectedInput, with_trained_height
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
 from advpipe.pipeline.detector.training_maps import KEY, listed_maps
 from advpipe.pipeline.messages.cloud import xyzi
@@ -25,19 +26,20 @@ from advpipe.pipeline.messages.cloud import xyzi
 class LabelledPoints:
     """points: (N, 4) float32 x, y, z in metres and intensity. boxes: (M, 7) float32, columns
     `geometry.boxes.BOX_COLUMNS`. labels: (M,) int64, index into the network's classes. ignored: (M,) bool,
-    boxes with too few points to learn from; None: there are none."""
+    boxes with too few points to learn from; None: there are none. uncounted: where it is unknown what is
+    background, in the frame of the points; None: nowhere."""
 
     points: Tensor
     boxes: Tensor
     labels: Tensor
     ignored: Tensor | None = None
+    uncounted: Uncounted | None = None
 
     def to(self, device: torch.device) -> LabelledPoints:
         """The same on a device."""
         points, boxes, labels = (part.to(device) for part in (self.points, self.boxes, self.labels))
-        return LabelledPoints(
-            points, boxes, labels, None if self.ignored is None else self.ignored.to(device)
-        )
+        ignored = None if self.ignored is None else self.ignored.to(device)
+        return LabelledPoints(points, boxes, labels, ignored, self.uncounted)
 
 
 class DetectionNetwork(nn.Module, ABC):
@@ -93,8 +95,8 @@ class NetworkDetector(Generic[N]):
 
     @property
     def expected_input(self) -> ExpectedInput | None:
-        """What its preset is made for."""
-        return self.net.preset.expected_input
+        """What it was trained on, else what its preset is made for."""
+        return with_trained_height(self.net.preset.expected_input, self.provenance)
 
     @property
     def device(self) -> torch.device:

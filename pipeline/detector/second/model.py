@@ -55,7 +55,7 @@ class SecondNet(DetectionNetwork):
     def training_losses(self, cloud: LabelledPoints, *, bf16: bool = False) -> tuple[Tensor, ...]:
         """The gradient reaches the points through their voxel's mean; the assignment of points to voxels has
         no gradient. Without a point in range the loss is that of an empty map, and its gradient is zero."""
-        target = self.anchor_grid().assign(cloud.boxes, cloud.labels, cloud.ignored)
+        target = self.anchor_grid().assign(cloud.boxes, cloud.labels, cloud.ignored, cloud.uncounted)
         predictions = self(voxelise([cloud.points], self.preset), bf16=bf16)
         return losses(predictions, [target], self.anchor_grid()).parts
 

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import GOALS, Constraints, Rules
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
@@ -24,7 +24,7 @@ from advpipe.pipeline.adversary.random_best import (
     RandomBest,
     addition_sources,
 )
-from advpipe.pipeline.adversary.targets import detection_loss
+from advpipe.pipeline.adversary.targets import look
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -69,7 +69,8 @@ JITTER_M = 0.01
 class Attach(LidarAttack):
     """Add exactly `points` points to a cloud, each within `eps_m` of one of its own, in float64 as stored.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     points: how many points to add.
     eps_m: how far from the clean cloud's points they may lie.
@@ -78,14 +79,15 @@ class Attach(LidarAttack):
         for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a
         distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
         salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
-        around those near objects, "random-best" likewise with the selection of "best": the strongest
-        baseline, which reports do not score by themselves. New points copy the intensity of the point that
+        around those near objects, "random-best" likewise with the selection of "best": the baseline that
+        reports compare the attack with. New points copy the intensity of the point that
         they start from.
     rounds: how often "best" ranks the places.
-    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper".
+    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
+        lambda and gives no value.
     decay_m: "best" and "robust" multiply the gain of a point at distance d from the clean ones by
         exp(-(d / decay_m)**2): a small decay_m gives a small Chamfer distance.
-    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, intensity: see
+    along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, intensity: see
         `constraints.Constraints`.
     """
 
@@ -119,12 +121,13 @@ class Attach(LidarAttack):
     points: int = 300
     recipe: str = "best"
     rounds: int = 10
-    weight: float = 1.0
+    weight: float = 0.0
     decay_m: float = 1.0
     along_ray: bool = False
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     ghost: str | None = None
     intensity: bool = False
@@ -151,7 +154,12 @@ class Attach(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return queries(self.rounds) if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -164,14 +172,16 @@ class Attach(LidarAttack):
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
         if not len(scene):
             return unchanged(cloud, "no points to start from")
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before = detection_loss(detector, scene, goal.loss_targets)
+        loss_before, found = look(detector, xyzi(scene), goal.loss_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
         if not len(goal.targets) and focused:
             return unchanged(cloud, goal.note)
         rules = Rules(self.constraints, xyz(scene), boxes)
+        objective = AttackObjective(goal, detector, goal.success(found))
         try:
-            places, note = self._places(xyzi(scene), goal, detector, rules, rng)
+            places, note = self._places(xyzi(scene), objective, rules, rng)
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         if len(places) < self.points:
@@ -180,19 +190,19 @@ class Attach(LidarAttack):
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = places.points[:, column]
         adversarial = np.concatenate([cloud, added])
-        loss_after = detection_loss(detector, np.concatenate([scene, added]), goal.loss_targets)
+        loss_after, _ = look(detector, xyzi(np.concatenate([scene, added])), goal.loss_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note)
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 
     def _places(
         self,
         clean: Float32,
-        goal: AttackGoal,
-        detector: ObjectDetector,
+        objective: AttackObjective,
         rules: Rules,
         rng: np.random.Generator,
     ) -> tuple[Places, str]:
         """The places of the new points, and a note for the user."""
+        goal, detector = objective.goal, objective.detector
         boxes = goal.targets.boxes.double().numpy()
         everywhere = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
@@ -211,7 +221,6 @@ class Attach(LidarAttack):
             note = "no occupancy_loss: places by the gradient of the loss"
             places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        objective = AttackObjective.of(goal, detector, clean)
         problem = AttachProblem(clean, places, objective, rng, jitter_m, decay_m=self.decay_m)
         best = add_greedily(problem, self.points, self.query_budget)
         if short := self.points - len(best):

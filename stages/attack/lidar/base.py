@@ -137,9 +137,14 @@ class LidarAttack(Attack):
 
     @property
     def query_budget(self) -> int | None:
-        """How many candidates the detector judges, of which the attack keeps the best; random baselines get
-        as many queries. None if it declares none."""
+        """How many candidates the detector judges, of which the attack keeps the best. None if it declares
+        none."""
         return None
+
+    @property
+    def baseline_tries(self) -> int | None:
+        """How many candidates the random baseline `random-best` judges: by default as many as the attack."""
+        return self.query_budget
 
     @property
     def needs_ground_truth(self) -> bool:

@@ -30,13 +30,14 @@ def adaptation_of(spec: AttackSpec) -> Adaptation:
     return Adaptation(spec.lidar_height_m, spec.level, spec.scale_intensity)
 
 
-def query_budget_of(attack: LidarAttack) -> int | None:
-    """The attack's `query_budget`; raises AdvpipeError if a user's attack gives anything but a count."""
-    queries = attack.query_budget
-    if queries is not None and not (isinstance(queries, int) and queries >= 1):
-        name = type(attack).__name__
-        raise UsageError(f"{name}: query_budget is {queries!r}, but must be a whole number from 1 up")
-    return queries
+def count_of(attack: LidarAttack, name: str) -> int | None:
+    """The attack's `query_budget` or `baseline_tries`; raises AdvpipeError if a user's attack gives anything
+    but a count."""
+    count = getattr(attack, name)
+    if count is not None and not (isinstance(count, int) and count >= 1):
+        kind = type(attack).__name__
+        raise UsageError(f"{kind}: {name} is {count!r}, but must be a whole number from 1 up")
+    return count
 
 
 def _refuse_unused(

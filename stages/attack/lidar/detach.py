@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import GOALS, Constraints, Rules
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, owners
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.random_best import MARGIN_M, RandomBest
 from advpipe.pipeline.adversary.removal_problem import remove_greedily
-from advpipe.pipeline.adversary.targets import AttackTargets, detection_loss
+from advpipe.pipeline.adversary.targets import AttackTargets, look
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -48,7 +48,8 @@ JITTER_M = 0.01
 class Detach(LidarAttack):
     """Remove exactly round(ratio * N) of a cloud's N points.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
@@ -56,10 +57,10 @@ class Detach(LidarAttack):
         budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
         without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
         the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the strongest baseline, which reports
-        do not score by themselves.
+        near objects, "random-best" there with the selection of "best": the baseline that
+        reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
-    near_objects_m, goal, objects, max_points: see `constraints.Constraints`.
+    near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
 
     traits = LidarTraits(
@@ -87,6 +88,7 @@ class Detach(LidarAttack):
     rounds: int = 10
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     max_points: int | None = None
 
@@ -109,7 +111,12 @@ class Detach(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return queries(self.rounds) if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -128,8 +135,9 @@ class Detach(LidarAttack):
         if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
         scene = cloud[finite]
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before = detection_loss(detector, scene, goal.loss_targets)
+        loss_before, found = look(detector, xyzi(scene), goal.loss_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
         rules = Rules(self.constraints, xyz(scene), boxes)
@@ -138,12 +146,13 @@ class Detach(LidarAttack):
         if not budget:
             return unchanged(cloud, join_notes(goal.note, "no point that may be removed"), loss_before)
         note = "" if budget == self.budget(len(scene)) else f"only {budget} points lie near enough"
+        objective = AttackObjective(goal, detector, goal.success(found))
         try:
-            chosen, shortage = self._choose(scene, rules, budget, goal, detector, rng)
+            chosen, shortage = self._choose(scene, rules, budget, objective, rng)
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
-        loss_after = detection_loss(detector, np.delete(scene, chosen), goal.loss_targets)
+        loss_after, _ = look(detector, xyzi(np.delete(scene, chosen)), goal.loss_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note, shortage)
         return LidarResult(
             np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
@@ -154,11 +163,11 @@ class Detach(LidarAttack):
         scene: Cloud,
         rules: Rules,
         budget: int,
-        goal: AttackGoal,
-        detector: ObjectDetector,
+        objective: AttackObjective,
         rng: np.random.Generator,
     ) -> tuple[Indices, str]:
         """The `budget` points of a scene to remove, and a note for the user."""
+        goal, detector = objective.goal, objective.detector
         allowed = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
             return _random_points(scene, allowed, budget, rng), ""
@@ -170,7 +179,6 @@ class Detach(LidarAttack):
         owner = np.full(len(scene), -1, np.int64)
         owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        objective = AttackObjective.of(goal, detector, xyzi(scene))
         problem = DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
         chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         is_plain = not isinstance(detector, VoxelDetector)

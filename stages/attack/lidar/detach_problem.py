@@ -9,34 +9,45 @@ import numpy.typing as npt
 import torch
 
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
-from advpipe.pipeline.adversary.per_object_best import jittered
 from advpipe.pipeline.adversary.removal_problem import RemovalProblem
-from advpipe.pipeline.detector.protocol import VoxelDetector
+from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 
+Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class DetachProblem(RemovalProblem):
-    """It proposes the points whose removal raises the loss the most, by the gradient."""
+    """It proposes the points whose removal raises the loss the most, by the gradient of the latest look."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._gain, self._group = np.zeros(len(self.points)), np.arange(len(self.points))
 
     def gains(self, left: Int64) -> tuple[Float64, Int64]:
-        """The estimated gain of removing each remaining point, and its group: points that count together."""
+        if not self._gain.any():
+            raise NoGradientError
+        return self._gain[left], self._group[left]
+
+    def detected(self, points: Float32, left: Int64, will_propose: bool) -> Detections:
+        """What the detector finds; and the gains, of all points of a voxel together."""
         goal, detector = self.objective.goal, self.objective.detector
-        points = torch.from_numpy(jittered(self.points[left], self.jitter_m, self.rng))
-        loss_targets = goal.loss_targets
+        if not will_propose:
+            return super().detected(points, left, will_propose)
+        self._gain[:] = 0
         if not isinstance(detector, VoxelDetector):
-            return self._gains_of_points(points, self.owner[left]), np.arange(len(left))
-        computed = detector.occupancy_loss(points, loss_targets.boxes, loss_targets.labels)
+            self._gain[left] = self._gains_of_points(torch.from_numpy(points), self.owner[left])
+            return super().detected(points, left, will_propose)
+        targets = goal.loss_targets
+        computed = detector.occupancy_loss(torch.from_numpy(points), targets.boxes, targets.labels)
         (gradient,) = gradients_of(computed.loss, computed.occupancy)
         of_voxel = np.nan_to_num(-goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         row = computed.rows.cpu().numpy()
         count = np.bincount(row[row >= 0], minlength=len(of_voxel))
-        gain = np.where(row >= 0, (of_voxel / np.maximum(count, 1))[row], 0.0)
-        if not gain.any():
-            raise NoGradientError
-        return gain, np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))
+        self._gain[left] = np.where(row >= 0, (of_voxel / np.maximum(count, 1))[row], 0.0)
+        self._group[left] = np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))
+        return super().detected(points, left, will_propose) if computed.found is None else computed.found
 
     def _gains_of_points(self, points: torch.Tensor, owner: Int64) -> Float64:
         """First-order gain by the loss alone: dropping a point is like moving it to its object's centre,
@@ -46,8 +57,6 @@ class DetachProblem(RemovalProblem):
         loss = detector.loss(leaf, loss_targets.boxes, loss_targets.labels)
         (gradient,) = gradients_of(loss, leaf)
         slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        if not slope.any():
-            raise NoGradientError
         inwards = goal.targets.boxes.double().numpy()[owner, :3] - leaf.detach().double().numpy()[:, :3]
         gain: Float64 = goal.sign * (slope * inwards).sum(axis=1)
         return gain

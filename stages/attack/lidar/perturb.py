@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.adversary.constraints import GOALS, Constraints, Rules
+from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
 from advpipe.pipeline.adversary.focus import Focus
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, owners, with_decoys
+from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.per_object_best import PerObjectBest
@@ -60,7 +60,8 @@ SETTINGS = {
 class Perturb(LidarAttack):
     """Move points by at most `eps_cm` centimetres each, in the Euclidean norm, as stored in float32.
 
-    The attacker knows the detector, the true boxes and the rule that matches detections to them (`goal`).
+    The attacker knows the detector, the true boxes (or its detections, `truth`) and the rule that matches
+    detections to them (`goal`).
 
     eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
@@ -69,13 +70,13 @@ class Perturb(LidarAttack):
         of jitter; it is far weaker without jitter, and not significantly stronger than "random-best" under
         it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines:
         "random" moves all points by eps in a random direction, "random-near" those near objects, and
-        "random-best" draws `steps` candidates there, with the selection of "best": the strongest baseline,
-        which reports do not score by themselves.
+        "random-best" draws `steps` candidates there, with the selection of "best": the baseline that
+        reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
-    weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper". At 0.01 points
-        move by 2 mm (RMS, of 10 cm allowed), as steps have equal length for each point; at 0 by 8.7 cm, with
-        the Chamfer distance of the paper.
-    along_ray, keep_occlusion_order, near_objects_m, goal, objects, ghost, max_points, intensity: see
+    weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
+        lambda and gives no value. At 0 points move by 8.7 cm (RMS, of 10 cm allowed), with the Chamfer
+        distance of the paper; at 0.01 by 2 mm, as steps have equal length for each point.
+    along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, max_points, intensity: see
         `constraints.Constraints`. Points that are not finite stay as they are.
     """
 
@@ -106,11 +107,12 @@ class Perturb(LidarAttack):
     eps_cm: float
     recipe: str = "best"
     steps: int = 0
-    weight: float = 0.01
+    weight: float = 0.0
     along_ray: bool = False
     keep_occlusion_order: bool = False
     near_objects_m: float | None = None
     goal: str = GOALS[0]
+    truth: str = TRUTHS[0]
     objects: tuple[str, ...] = ()
     ghost: str | None = None
     max_points: int | None = None
@@ -139,7 +141,12 @@ class Perturb(LidarAttack):
 
     @property
     def query_budget(self) -> int:
-        return self.steps if self.recipe in QUERYING else 1
+        return self.baseline_tries if self.recipe in QUERYING else 1
+
+    @property
+    def baseline_tries(self) -> int:
+        """As many as recipe best judges."""
+        return self.steps if self.recipe in QUERYING else RECIPES["best"]
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -155,6 +162,7 @@ class Perturb(LidarAttack):
             return unchanged(cloud, "no points to move")
         scene = cloud[finite]
         points = xyzi(scene)
+        boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
         loss_before, found = look(detector, points, goal.loss_targets)
         if not len(goal.targets) and self.recipe != "random":

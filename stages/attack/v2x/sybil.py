@@ -163,7 +163,7 @@ class CrawlingGhosts(GhostsAhead):
 
 
 class SybilCongestion(CrawlingGhosts):
-    """A traffic jam ahead of the target: rows of crawling ghost vehicles; see also `CrawlingGhosts`.
+    """A traffic jam ahead of the target: rows of crawling ghost vehicles.
 
     The rears of the first row are `margin_m + headway_s * speed` ahead; rows are spacing_m apart and lanes
     lane_m, with the target's lane in the middle.

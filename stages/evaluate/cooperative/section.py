@@ -64,11 +64,13 @@ FORMULAS = (
         "least 5 points in both clouds together, aligned by true poses. Boxes around the fusing vehicle "
         "itself do not count. All rows are of the same instants, while the poses of any bag are false",
         ("ap_strict", "ap_loose", "objects", "frames"),
+        title="Cooperative detection",
     ),
     Formula(
         "misalignment",
         "mean distance and mean angle between the other vehicle's sensor poses by true and by reported poses",
         ("misalignment_m", "misalignment_deg"),
+        title="Misalignment of poses",
     ),
 )
 

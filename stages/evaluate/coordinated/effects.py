@@ -103,6 +103,33 @@ def effects(
         yield Effect("objects_missed", title, short, 1, before, after, True)
 
 
+@dataclass(frozen=True)
+class BelievedTrack:
+    """Where a vehicle was and where it believed to be, in the map frame.
+
+    times_ns: (N,), ascending. true_m, believed_m: (N, 2).
+    """
+
+    times_ns: Int64
+    true_m: Float64
+    believed_m: Float64
+
+
+def believed_track(bag: Path, vehicle: str, window: Window = WHOLE_DRIVE) -> BelievedTrack | None:
+    """The track of a vehicle in a bag in a window; None where the bag records it at fewer than two times."""
+    reader, topics = BagReader(bag), VehicleTopics(vehicle)
+    names = topics.true_odometry.name, topics.odometry.name
+    if not all(name in reader.topics for name in names):
+        return None
+    true, believed = (poses(reader, name, window.last_ns) for name in names)
+    times_ns = np.array(sorted(true.keys() & believed.keys()), np.int64)
+    times_ns = times_ns[window.holds(times_ns)]
+    if len(times_ns) < 2:
+        return None
+    tracks = (np.array([found[ns][:2, 3] for ns in times_ns.tolist()]) for found in (true, believed))
+    return BelievedTrack(times_ns, *tracks)
+
+
 def _missed(frames: Sequence[FrameRow], condition: str) -> Series:
     """The evaluated objects of each frame that the detector does not find, at loose overlap."""
     clouds = {row.stamp_ns: (row.objects, row.clouds.get(condition)) for row in frames}

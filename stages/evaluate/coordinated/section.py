@@ -16,7 +16,7 @@ from advpipe.pipeline.results.coordinated import (
     TogetherMetrics,
 )
 from advpipe.stages.evaluate.coordinated.attack_timeline import AttackTimeline, read_attack_timelines
-from advpipe.stages.evaluate.coordinated.effects import DetectedFrames, Effect, effects
+from advpipe.stages.evaluate.coordinated.effects import DetectedFrames, Effect, believed_track, effects
 from advpipe.stages.evaluate.coordinated.picture import draw_coordinated
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
@@ -30,8 +30,11 @@ FORMULAS = (
         "count when they are sent; a message attack without a target attacks all vehicles that receive "
         "messages",
         ("from_s", "to_s", "own_place_m", "map_wrong", "points_touched"),
+        title="While all attacks are active",
     ),
 )
+
+SINGLE = {"fixes": "fix", "messages": "message", "clouds": "cloud"}
 
 
 def coordinated_sections(
@@ -71,8 +74,12 @@ def coordinated_sections(
             if span_ns is not None:
                 outcomes += [_outcome(name, vehicle, effect, span_ns) for effect in found_effects]
             records.append(_record(name, vehicle, timelines, found_effects, span_ns, start_ns))
-            caption = f"{name}: the attacks on {vehicle} and their effects"
-            figure = draw_coordinated(timelines, found_effects, span_ns, start_ns)
+            caption = (
+                f"{name}: the attacks on {vehicle} and their effects; below, where it was and where it "
+                "believed to be"
+            )
+            believed = believed_track(bag, vehicle, window)
+            figure = draw_coordinated(timelines, found_effects, span_ns, start_ns, believed)
             file_name = f"{name}-{vehicle}-coordinated.png"
             pictures.append(picture_of(SECTION, name, file_name, caption, figure))
     apart = [bag for bag in adversarial if bag not in {each[0] for each in together_on}]
@@ -144,7 +151,12 @@ def _lead(
 
 def _line(name: str, one: AttackTimeline, start_ns: int) -> tuple[str, ...]:
     ends_s = [formatted_number((int(ns) - start_ns) / 1e9, 1) for ns in (one.times_ns[0], one.times_ns[-1])]
-    return (name, one.vehicle, " + ".join(one.attacks), f"{len(one.times_ns):,} {one.what}", *ends_s)
+    return (name, one.vehicle, " + ".join(one.attacks), _count(one), *ends_s)
+
+
+def _count(one: AttackTimeline) -> str:
+    """Such as `1 fix`, `12 messages`."""
+    return f"1 {SINGLE[one.what]}" if len(one.times_ns) == 1 else f"{len(one.times_ns):,} {one.what}"
 
 
 def _outcome(name: str, vehicle: str, effect: Effect, span_ns: tuple[int, int]) -> tuple[str, ...]:

@@ -1,25 +1,35 @@
-"""Random baselines of an attacked cloud: the same budget spent randomly, and the best of several draws."""
+"""Random baselines of an attacked cloud: the same budget spent randomly.
+
+The one to beat is `random_best`, which is recipe `random-best` of the attacks: it judges as many tries, and
+chooses among them and allocates the budget as the attack does. The others are one draw each.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.constraints import Constraints
+from advpipe.pipeline.adversary.random_best import RandomBudget, random_best
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.baselines import points_near_boxes
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.detector.protocol import ObjectDetector
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.stages.evaluate.detection.random_change import DrawnChange, RandomChange, SpentBudget
+from advpipe.pipeline.results.row import RANDOM_BEST
+from advpipe.stages.evaluate.detection.random_change import SpentBudget, random_change
 
 Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """A way to spend a budget randomly.
+    """A way to spend a budget in one random draw.
 
     is_near: on points near objects first, else anywhere. is_full: every point moves as far as the attack was
     allowed to move any, however few it did move; and every one gets another intensity if any did.
@@ -50,62 +60,75 @@ BASELINES = {
 DEFAULT_QUERY_BUDGET = 24
 """The query budget assumed for an attack that records none: the largest of ours."""
 
-
 BEST = "_best"
-"""The suffix of the names of baselines that are the best of several draws."""
+"""The suffix of baselines in reports of versions before `random_best`: the best of several whole draws."""
 
 
-def baseline_title(name: str) -> str:
-    """Such as `randomly near objects, best try`."""
+def baseline_title(name: str, tries: int = 0) -> str:
+    """Such as `randomly near objects`; with its tries such as `random-best, 13 tries`."""
+    if name == RANDOM_BEST:
+        title = "random-best"
+        return f"{title}, {tries} {'try' if tries == 1 else 'tries'}" if tries else title
     title = BASELINES[name.removesuffix(BEST)].title
     return f"{title}, best try" if name.endswith(BEST) else title
 
 
 def baseline_names() -> list[str]:
     """All names of baselines, in the order of reports."""
-    return [name + end for name in BASELINES for end in ("", BEST)]
+    return [RANDOM_BEST, *BASELINES]
 
 
 def attack_query_budget(provenance: Provenance) -> int:
-    """How many detector queries the attack used to keep the best try, by the record of its bag."""
-    return provenance.fields.looks or DEFAULT_QUERY_BUDGET
+    """How many tries `random_best` judges: as many as recipe best of the attack, by the record of its bag."""
+    return provenance.fields.baseline_tries or provenance.fields.looks or DEFAULT_QUERY_BUDGET
 
 
-def random_baselines(
-    clean: Cloud,
-    boxes: Float64,
-    budget: SpentBudget,
-    worth: Callable[[Cloud], Float64],
-    *,
-    n_draws: int,
-    seed: int,
-    index: int,
-) -> Iterator[tuple[str, Cloud]]:
-    """The clouds of every baseline of frame `index`, by name; with more than one draw, also the best of them.
+def attack_constraints(provenance: Provenance) -> Constraints:
+    """The constraints among the attack's parameters; none where a user's own mean something else."""
+    try:
+        return Constraints.among(provenance.parameters)
+    except (AdvpipeError, TypeError, ValueError):
+        return Constraints()
 
-    boxes: (M, 7) of the objects to hide. worth: of each object (M,) in a cloud, what the detector sees of
-    it; the best draw is chosen for each object by the detector's own result, as attacks do, and put together;
-    unless one draw as a whole is better.
+
+@dataclass(frozen=True)
+class RandomBaselines:
+    """The baselines of one adversarial bag.
+
+    detector: it chooses among the tries. tries: of `random_best`. seed: `random_best` draws as recipe
+    `random-best` of the attack does with this seed.
     """
-    for name, baseline in BASELINES.items():
-        spent = baseline.budget(budget, clean)
-        if spent is None:
-            continue
-        rng = named_generator(seed, "evaluate", name, index)
-        pool = points_near_boxes(clean, boxes) if baseline.is_near else np.ones(len(clean), dtype=bool)
-        random = RandomChange(clean, boxes, spent, pool, rng)
-        first = random.draw()
-        yield name, random.apply(first)
-        if n_draws > 1:
-            yield name + BEST, _best(random, [first, *(random.draw() for _ in range(n_draws - 1))], worth)
 
+    provenance: Provenance
+    detector: ObjectDetector
+    tries: int
+    seed: int
 
-def _best(random: RandomChange, draws: list[DrawnChange], worth: Callable[[Cloud], Float64]) -> Cloud:
-    worths = np.stack([worth(random.apply(each)) for each in draws])  # (draws, M)
-    if not worths.size:
-        return random.apply(draws[0])
-    together = random.apply(random.together(draws, np.argmin(worths, axis=0)))
-    alone = int(np.argmin(worths.sum(axis=1)))
-    if worths[alone].sum() < worth(together).sum():
-        return random.apply(draws[alone])
-    return together
+    def clouds(
+        self, clean: Cloud, boxes: Boxes, evaluated: Float64, budget: SpentBudget, index: int
+    ) -> Iterator[tuple[str, Cloud]]:
+        """The cloud of each baseline of frame `index`, by name.
+
+        boxes: all true ones, which the attack knows. evaluated: (M, 7) those that count.
+        """
+        attack = self.provenance.get("attack", "")
+        rng = named_generator(self.seed, "attack", attack, "random-best", index)
+        spent = RandomBudget(
+            budget.removed,
+            budget.added,
+            budget.reach_m,
+            budget.bound_m if len(budget.moved_m) else 0.0,
+            bool(budget.intensity_changed),
+        )
+        constraints = attack_constraints(self.provenance)
+        yield (
+            RANDOM_BEST,
+            random_best(clean, boxes, self.detector, constraints, spent, tries=self.tries, rng=rng),
+        )
+        for name, baseline in BASELINES.items():
+            plain = baseline.budget(budget, clean)
+            if plain is None:
+                continue
+            rng = named_generator(self.seed, "evaluate", name, index)
+            pool = points_near_boxes(clean, evaluated) if baseline.is_near else np.ones(len(clean), bool)
+            yield name, random_change(clean, plain, pool, rng)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.stages.evaluate.detection.displacement import Displacement
+from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.scoring import Matches, Truth
 
 Int64 = npt.NDArray[np.int64]
@@ -39,6 +40,7 @@ class CloudResult:
     intensities_changed: int = 0
     displacement: Displacement = field(default_factory=Displacement)
     chamfer_distance_m2: float = 0.0
+    traces: PointTraces = field(default_factory=PointTraces)
 
 
 @dataclass(frozen=True)

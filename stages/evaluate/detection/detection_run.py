@@ -14,16 +14,18 @@ from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import map_jobs
+from advpipe.pipeline.core.plugins import plugin_errors, user_class
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.adapted import adapted_detector, detector_for_cloud
+from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector, VoxelGrid
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_difference
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
-from advpipe.stages.evaluate.detection.baseline import attack_query_budget, random_baselines
+from advpipe.stages.evaluate.detection.baseline import RandomBaselines, attack_query_budget
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
     Comparison,
@@ -33,6 +35,7 @@ from advpipe.stages.evaluate.detection.comparison import (
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import pair_frames
+from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.random_change import SpentBudget
 from advpipe.stages.evaluate.detection.scoring import (
     CachedDetector,
@@ -40,7 +43,6 @@ from advpipe.stages.evaluate.detection.scoring import (
     ground_truth,
     known_classes,
     match,
-    worth,
 )
 from advpipe.stages.evaluate.options import Options
 
@@ -90,7 +92,7 @@ class DetectionRun:
         return comparisons
 
     def _baseline_tries(self, provenance: Provenance) -> int:
-        """Of how many random tries the best is scored beside an attack; 0 without baselines."""
+        """How many random tries `random_best` judges beside an attack; 0 without baselines."""
         if not self.options.baseline or provenance.get("recipe") in RANDOM_RECIPES:
             return 0
         if self.options.baseline_tries is None:
@@ -134,7 +136,7 @@ class DetectionRun:
             with fixed_torch_threads():
                 found = _cloud_result(detector, truth, frame.cloud, frame.cloud)
                 defended = self._defended(detector, truth, "clean", frame.index, frame.cloud)
-                _, note = detector_for_cloud(loaded, adaptation, xyz(frame.cloud), loaded)
+                known, note = detector_for_cloud(loaded, adaptation, xyz(frame.cloud), loaded)
                 clean = FrameResult(
                     frame.index, -1, frame.stamp_ns, truth, found, defended=defended, note=note
                 )
@@ -142,7 +144,9 @@ class DetectionRun:
                     return [clean]
                 # What it finds in each adversarial cloud, and in clouds changed randomly as much.
                 return [
-                    self._attacked(detector, clean, frame.cloud, version, provenance) if version else None
+                    self._attacked((detector, known), clean, frame.cloud, version, provenance)
+                    if version
+                    else None
                     for version, provenance in zip(versions, self.adversarial.values(), strict=True)
                 ]
 
@@ -150,31 +154,29 @@ class DetectionRun:
 
     def _attacked(
         self,
-        detector: CachedDetector,
+        victims: tuple[CachedDetector, ObjectDetector],
         clean: FrameResult,
         clean_cloud: Cloud,
         version: Frame,
         provenance: Provenance,
     ) -> FrameResult:
-        """The result of a frame with an adversarial version of it and the random baselines."""
-        truth, result_of = clean.truth, partial(_cloud_result, detector, clean.truth, clean_cloud)
+        """The result of a frame with an adversarial version of it and the random baselines.
+
+        victims: the detector as it is scored, and as an attack knows it, in the clean cloud's frame.
+        """
+        detector, known = victims
+        truth, grid = clean.truth, known.voxel_grid if isinstance(known, VoxelDetector) else None
+        result_of = partial(_cloud_result, detector, truth, clean_cloud, grid=grid)
         change = cloud_difference(clean_cloud, version.cloud)
         baselines = {}
-        if n_draws := self._baseline_tries(provenance):
-            clouds = random_baselines(
-                clean_cloud,
-                truth.boxes.geometry[truth.is_evaluated],
-                SpentBudget.of(clean_cloud, version.cloud, change, provenance.parameters),
-                lambda cloud: worth(truth, match(truth, detector.detect(cloud), detector.classes))[
-                    truth.is_evaluated
-                ],
-                n_draws=n_draws,
-                seed=self.options.seed,
-                index=clean.index,
-            )
+        if n_tries := self._baseline_tries(provenance):
+            spent = SpentBudget.of(clean_cloud, version.cloud, change, provenance.parameters)
+            random = RandomBaselines(provenance, known, n_tries, self.options.seed)
+            evaluated = truth.boxes.geometry[truth.is_evaluated]
+            with plugin_errors(user_class(known)):
+                clouds = list(random.clouds(clean_cloud, truth.boxes, evaluated, spent, clean.index))
             baselines = {
-                condition: result_of(cloud, cloud_difference(clean_cloud, cloud))
-                for condition, cloud in clouds
+                name: result_of(cloud, cloud_difference(clean_cloud, cloud)) for name, cloud in clouds
             }
         defended = self._defended(detector, truth, "adv", clean.index, version.cloud)
         return replace(
@@ -204,9 +206,14 @@ class DetectionRun:
 
 
 def _cloud_result(
-    detector: CachedDetector, truth: Truth, clean: Cloud, cloud: Cloud, change: CloudDifference | None = None
+    detector: CachedDetector,
+    truth: Truth,
+    clean: Cloud,
+    cloud: Cloud,
+    change: CloudDifference | None = None,
+    grid: VoxelGrid | None = None,
 ) -> CloudResult:
-    """The result of a cloud; without a change it is the clean cloud itself."""
+    """The result of a cloud; without a change it is the clean cloud itself. grid: the detector's voxels."""
     detections = detector.detect(cloud)
     matches = match(truth, detections, detector.classes)
     box_points = count_points(xyz(cloud), detections.boxes)
@@ -227,6 +234,7 @@ def _cloud_result(
         points_moved=len(change.moved),
         intensities_changed=len(change.intensity_changed),
         displacement=Displacement.of(clean, cloud, change),
+        traces=PointTraces.of(clean, cloud, change, grid),
         # Of a cloud that is as it was, there is no distance to ask for; it may have no points at all.
         chamfer_distance_m2=chamfer_distance(finite_xyz(clean), finite_xyz(cloud)) if is_changed else 0.0,
     )

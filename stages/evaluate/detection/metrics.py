@@ -23,6 +23,7 @@ from advpipe.pipeline.results.metrics import (
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches, ap_draws
 from advpipe.stages.evaluate.detection.displacement import Displacement
+from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
 Float64 = npt.NDArray[np.float64]
@@ -39,6 +40,7 @@ def attack_metrics(
     counts = [row.clouds[condition] for row in rows]
     found, lost = found_on_clean(rows), sum(each.lost_objects for each in counts)
     way = Displacement.over([frame.clouds()[condition].displacement for frame in frames])
+    traces = PointTraces.over([frame.clouds()[condition].traces for frame in frames])
     return CloudMetrics(
         map_adv=evaluated.mean_ap(),
         map_adv_ci95=percentile_interval(evaluated.map_draws()),
@@ -65,6 +67,10 @@ def attack_metrics(
         false_positives=sum(each.false_positives for each in counts),
         lost_objects=sum(each.lost_objects for each in counts),
         new_false_positives=sum(each.new_false_positives for each in counts),
+        map_loose_ratio_ci95=percentile_interval(ratio_draws(evaluated, clean, "loose")),
+        points_off_ray=traces.off_ray,
+        at_face_percent=100 * ratio(traces.at_face, traces.in_grid),
+        at_face_clean_percent=100 * ratio(traces.clean_at_face, traces.clean_in_grid),
     )
 
 

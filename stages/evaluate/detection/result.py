@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S
 from advpipe.pipeline.results.metrics import BaselineMetrics, CloudMetrics
-from advpipe.pipeline.results.row import AttackRecord, FrameCounts, ResultRow
+from advpipe.pipeline.results.row import RANDOM_BEST, AttackRecord, FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_names, baseline_title
 from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.detection.metrics import (
@@ -38,8 +38,8 @@ def result_row(
     baselines = {
         condition: _baseline(scored, condition) for condition in baseline_names() if condition in by_condition
     }
-    significant = [each.is_significant for each in baselines.values()]
-    significant_vs_random = None if not significant or None in significant else all(significant)
+    random = baselines.get(RANDOM_BEST)
+    significant_vs_random = random.is_significant if random else None
     return ResultRow(
         bag=comparison.name,
         detector=comparison.detector,
@@ -64,7 +64,7 @@ def result_row(
         ),
         baselines=baselines,
         significant_vs_random=significant_vs_random,
-        notes=(*notes, *_notes(scored, attack, attacked, baselines, significant_vs_random), *warnings),
+        notes=(*notes, *_notes(scored, attack, attacked, significant_vs_random), *warnings),
     )
 
 
@@ -92,13 +92,16 @@ def _metrics(scored: Scored, condition: str) -> CloudMetrics:
 
 
 def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
-    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0."""
+    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0.
+
+    With fewer than `MIN_BLOCKS` blocks, whose interval no table shows, nothing is said of significance.
+    """
     points, bounds = difference(scored.by_condition, condition)
     return BaselineMetrics(
         metrics=_metrics(scored, condition),
         map_ratio_delta_points=points,
         map_ratio_delta_points_ci95=bounds,
-        is_significant=None if bounds is None else bounds[1] < 0,
+        is_significant=bounds[1] < 0 if bounds and scored.bootstrap.n_blocks >= MIN_BLOCKS else None,
     )
 
 
@@ -106,7 +109,6 @@ def _notes(
     scored: Scored,
     attack: AttackRecord,
     attacked: CloudMetrics | None,
-    baselines: Mapping[str, BaselineMetrics],
     significant_vs_random: bool | None,
 ) -> Iterator[str]:
     """Notes on too few blocks, an undefined mAP ratio, objects with few points left, and weak or strong
@@ -127,9 +129,10 @@ def _notes(
     yield from uncounted_notes(scored.comparison.frames)
     if attacked and (hidden := attacked.objects_below_min_points):
         yield f"{hidden} of the objects have fewer than {MIN_POINTS} points left; they still count."
+    if attack.parameters.get("truth") == "detections":
+        yield "The attacker was given the detections in the clean clouds, not the true boxes."
     if attack.query_budget is not None and 0 < baseline_tries < attack.query_budget:
-        best_of = f"the best of {baseline_tries}, the attack is the best of {attack.query_budget} tries"
-        yield f"The random baselines are {best_of}."
+        beside = baseline_title(RANDOM_BEST, baseline_tries)
+        yield f"Fewer tries than the attack's {attack.query_budget}: {beside}."
     if significant_vs_random is False:
-        stronger = [baseline_title(name) for name, each in baselines.items() if not each.is_significant]
-        yield f"Not significantly stronger than the same budget spent {'; '.join(stronger)}."
+        yield f"Not significantly stronger than {baseline_title(RANDOM_BEST, baseline_tries)}."

@@ -189,24 +189,6 @@ def _uncounted_overlap(uncounted: Uncounted, detections: Detections, space: str)
     return np.where(uncounted.ignores_centres(detections.boxes), np.inf, overlap)
 
 
-def worth(truth: Truth, matches: Matches) -> Float64:
-    """The score of the detection that finds each object (M,), strictly or else loosely.
-
-    Attacks minimise it; it is 0 for objects that are not evaluated.
-    """
-    seen = np.zeros(len(truth.boxes))
-    for (criterion, name), frame in matches.items():
-        if criterion in _WORTH:
-            hit = frame.found()
-            scores = np.zeros(len(hit))
-            scores[hit] = frame.scores[frame.found_by[hit]]
-            seen[labelled(truth.boxes.labels, name)] += _WORTH[criterion] * scores
-    return seen
-
-
-_WORTH = {"strict": 1.0, "loose": 1e-3}  # the loose score only breaks ties
-
-
 def found_objects(truth: Truth, matches: Matches, min_score: float, criterion: str = "loose") -> Bool:
     """Which objects (M,) are evaluated and found by a criterion with at least this score."""
     found = np.zeros(len(truth.boxes), dtype=bool)

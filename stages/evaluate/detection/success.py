@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -23,10 +24,63 @@ from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
 from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, box_range_m
 
 Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
 
 EVERYWHERE = Stratum("", WHOLE, 0.0, float("inf"))
 RANGES = (EVERYWHERE, *(stratum for stratum in STRATA if stratum.by == "range"))
 EVERY_CLASS = "all"
+
+
+@dataclass(frozen=True)
+class FrameOutcome:
+    """What became of the M objects of a frame in one of its clouds, and the K detections there.
+
+    found, lost, displaced: (M,), at loose overlap unless strictly. new: (K,), false positives.
+    """
+
+    object_labels: Int64
+    object_ranges_m: Float64
+    detection_labels: Int64
+    detection_ranges_m: Float64
+    found: Bool
+    lost: Bool
+    new: Bool
+    strictly_found: Bool
+    strictly_lost: Bool
+    displaced: Bool
+
+    @classmethod
+    def of(cls, frame: FrameResult, condition: str, min_score: float) -> FrameOutcome:
+        cloud, truth, clean = frame.clouds()[condition], frame.truth, frame.clean
+        return cls(
+            object_labels=truth.boxes.labels,
+            object_ranges_m=box_range_m(truth.boxes.geometry),
+            detection_labels=cloud.detections.labels,
+            detection_ranges_m=box_range_m(cloud.detections.boxes),
+            found=found_objects(truth, clean.matches, min_score),
+            lost=lost_objects(truth, clean, cloud, min_score),
+            new=new_false_positives(clean, cloud, min_score),
+            strictly_found=found_objects(truth, clean.matches, min_score, "strict"),
+            strictly_lost=lost_objects(truth, clean, cloud, min_score, "strict"),
+            displaced=displaced_objects(truth, clean, cloud, min_score),
+        )
+
+    def counts(self, name: str, stratum: Stratum) -> tuple[int, ...]:
+        """Of a class or of every one, in a range, in the order of the columns of `_record`."""
+        objects = stratum.holds(self.object_ranges_m)
+        detections = stratum.holds(self.detection_ranges_m)
+        if name != EVERY_CLASS:
+            objects &= labelled(self.object_labels, name)
+            detections &= labelled(self.detection_labels, name)
+        return (
+            int((self.found & objects).sum()),
+            int((self.lost & objects).sum()),
+            int((self.new & detections).sum()),
+            int((self.strictly_found & objects).sum()),
+            int((self.strictly_lost & objects).sum()),
+            int((self.displaced & objects).sum()),
+        )
 
 
 def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]) -> Iterator[SuccessRecord]:
@@ -36,14 +90,22 @@ def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]
     class and range.
     """
     for condition in conditions:
+        outcomes = [FrameOutcome.of(frame, condition, scored.min_score) for frame in scored.comparison.frames]
         for name in (EVERY_CLASS, *scored.classes):
             for stratum in RANGES:
-                yield _record(scored, result, condition, name, stratum)
+                yield _record(scored, result, outcomes, condition, name, stratum)
 
 
-def _record(scored: Scored, result: ResultRow, condition: str, name: str, stratum: Stratum) -> SuccessRecord:
-    frames, bootstrap = scored.comparison.frames, scored.bootstrap
-    counts = np.array([_counts(frame, condition, name, stratum, scored.min_score) for frame in frames])
+def _record(
+    scored: Scored,
+    result: ResultRow,
+    outcomes: Sequence[FrameOutcome],
+    condition: str,
+    name: str,
+    stratum: Stratum,
+) -> SuccessRecord:
+    bootstrap = scored.bootstrap
+    counts = np.array([outcome.counts(name, stratum) for outcome in outcomes])
     # (F, 6): found, lost and new at loose overlap, found and lost at strict overlap, displaced
     found, lost, new, strictly_found, strictly_lost, displaced = (int(count) for count in counts.sum(axis=0))
     return SuccessRecord(
@@ -62,25 +124,6 @@ def _record(scored: Scored, result: ResultRow, condition: str, name: str, stratu
         strict_attack_success_ci95=percentile_interval(share_draws(counts[:, 3:5], bootstrap)),
         displaced=displaced,
         new_false_positives=new,
-    )
-
-
-def _counts(
-    frame: FrameResult, condition: str, name: str, stratum: Stratum, min_score: float
-) -> tuple[int, ...]:
-    cloud, truth = frame.clouds()[condition], frame.truth
-    objects = stratum.holds(box_range_m(truth.boxes.geometry))
-    detections = stratum.holds(box_range_m(cloud.detections.boxes))
-    if name != EVERY_CLASS:
-        objects &= labelled(truth.boxes.labels, name)
-        detections &= labelled(cloud.detections.labels, name)
-    return (
-        int((found_objects(truth, frame.clean.matches, min_score) & objects).sum()),
-        int((lost_objects(truth, frame.clean, cloud, min_score) & objects).sum()),
-        int((new_false_positives(frame.clean, cloud, min_score) & detections).sum()),
-        int((found_objects(truth, frame.clean.matches, min_score, "strict") & objects).sum()),
-        int((lost_objects(truth, frame.clean, cloud, min_score, "strict") & objects).sum()),
-        int((displaced_objects(truth, frame.clean, cloud, min_score) & objects).sum()),
     )
 
 

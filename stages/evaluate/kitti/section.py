@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.image_labels.label_camera import CameraAtFrame, LabelCamera
 from advpipe.pipeline.metrics.kitti import KITTI_CLASSES, KITTI_DIFFICULTIES, kitti_precisions
 from advpipe.pipeline.results.kitti import KittiRecord
@@ -29,6 +30,7 @@ FORMULAS = (
         + "; harder objects, Van for Car, Person_sitting for Pedestrian, and regions DontCare count neither "
         "way",
         ("difficulty",),
+        title="KITTI's levels of difficulty",
     ),
     Formula(
         "kitti_ap",
@@ -36,6 +38,7 @@ FORMULAS = (
         "(R11); official overlaps: Car .7, Pedestrian and Cyclist .5. Only detections in the image of "
         "camera 2 take part",
         ("r11", "r40"),
+        title="Average precision by KITTI's own program",
     ),
 )
 
@@ -159,7 +162,7 @@ def _table(bag: str, detector: str, records: Sequence[KittiRecord], *, is_short:
     )
     frames = mine[0].frames if mine else 0
     return Table(
-        f"{bag}, {detector}: KITTI's average precision in percent, {frames} frames",
+        f"{bag}, {detector}: KITTI's average precision in percent, {counted(frames, 'frame')}",
         ("class", "difficulty", "objects", *heads),
         tuple(lines),
         "Classes without an object that counts are left out; with few objects a value says little.",

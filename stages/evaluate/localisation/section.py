@@ -35,17 +35,20 @@ FORMULAS = (
         "horizontal distance of the on-board estimate from the true position, from the first attacked fix to "
         "the last; lateral: its component across the direction of travel",
         ("clean_*_m", "adv_*_m"),
+        title="Error of the position estimate",
     ),
     Formula(
         "ate",
         "absolute trajectory error: root mean square of estimate minus truth, height included, without "
         "alignment; in report.json over the {of_what}",
         ("ate_clean_m", "ate_m"),
+        title="Absolute trajectory error (ATE)",
     ),
     Formula(
         "innovation_test",
         "a fix fails where residual' covariance^-1 residual is above chi-square's "
         f"{100 * GATE_PROBABILITY:g} % quantile with 3 degrees of freedom",
+        title="Innovation test",
     ),
     Formula(
         "detected",
@@ -53,12 +56,14 @@ FORMULAS = (
         "attacked fix to the first that fails; false alarms: share of the clean bag's fixes that fail; echo: "
         "share of genuine fixes after the first attacked one that fail",
         ("detection_rate", "stealth_rate", "delay_s", "false_alarm_rate", "echo_rate"),
+        title="Attacked fixes detected",
     ),
     Formula(
         "success",
         f"share of the time from the first attacked fix to the last in which the estimate is more than "
         f"{LOST_M:g} m off",
         ("success_rate",),
+        title="Success of a GPS attack",
     ),
 )
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.pipeline.results.records import BaselineRecord, SuccessRecord
-from advpipe.pipeline.results.row import FrameCounts, ResultRow
+from advpipe.pipeline.results.row import RANDOM_BEST, FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.strata import STRATA
@@ -26,7 +26,7 @@ from advpipe.stages.evaluate.report.numbers import (
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import ReportSection, Table
 from advpipe.stages.evaluate.report.transfer import transfer_section
-from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, TO_BEAT
 
 ANSWER = {True: "yes", False: "no", None: NOTHING}
 
@@ -60,7 +60,7 @@ def title_of(summary: Summary, summaries: Sequence[Summary]) -> str:
 
 def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
     heads = (
-        *("attack", f"{PLAIN_RANDOM} baseline", "baseline's mAP ratio %", "95 %"),
+        *("attack", "random baseline", "baseline's mAP ratio %", "95 %"),
         *("Δ to baseline, points", "95 %", "significant"),
     )
     lines = []
@@ -71,7 +71,7 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
             lines.append(
                 (
                     title,
-                    baseline_title(name),
+                    baseline_title(name, summary.result.attack.baseline_tries),
                     formatted_ratio(baseline.metrics.map_ratio_percent, map_clean),
                     interval_cell(baseline.metrics.map_ratio_ci95, counts),
                     formatted_number(baseline.map_ratio_delta_points, 2),
@@ -82,9 +82,10 @@ def baselines_section(summaries: Sequence[Summary]) -> ReportSection:
             title = ""
     return ReportSection(
         "baselines",
-        "Against plain random baselines of equal budget",
+        "Against random baselines of equal budget",
         "Δ: the attack's mAP ratio minus the baseline's, in percentage points, drawn together; the attack is "
-        f"significantly stronger if the 95 % interval of Δ lies below 0. {RANDOM_BEST}",
+        "significantly stronger if the 95 % interval of Δ lies below 0; nothing is said without an "
+        f"interval. {ABOUT_BASELINES}",
         (Table("mAP ratio at strict overlap of each attack and random baseline", heads, tuple(lines)),),
         records=tuple(
             _baseline_record(summary.result, name)
@@ -108,13 +109,13 @@ def _baseline_record(result: ResultRow, name: str) -> BaselineRecord:
 
 
 def success_section(summaries: Sequence[Summary]) -> ReportSection:
-    """Attack success by class and range; beside the attack one draw of the random baseline anywhere."""
+    """Attack success by class and range; beside the attack the baseline to beat."""
     ranges = [WHOLE, *(stratum.name for stratum in STRATA if stratum.by == "range")]
     scores = {formatted_number(summary.min_score, 2) for summary in summaries}
     score = scores.pop() if len(scores) == 1 else "the working score of its bag"
     heads = (
         *("class", "strict: lost of found", *(f"loose, {name}: lost of found" for name in ranges)),
-        *("one random draw, loose", "new FP", "one random draw"),
+        *(f"{TO_BEAT}, loose", "new FP", f"{TO_BEAT}: new FP"),
     )
     tables = []
     for summary in summaries:
@@ -124,7 +125,7 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
         lines = []
         for name in dict.fromkeys(names):
             mine = [found["adv", name, place] for place in ranges]
-            random = found.get(("baseline", name, WHOLE))
+            random = found.get((RANDOM_BEST, name, WHOLE))
             lines.append(
                 (
                     "every class" if name == EVERY_CLASS else str(name),
@@ -143,7 +144,7 @@ def success_section(summaries: Sequence[Summary]) -> ReportSection:
         "Lost objects are those that the detector finds on the clean cloud and misses on the attacked one, "
         f"in percent of those found, with a 95 % interval; with a score of at least {score}, and by the "
         f"overlap in the column's head ({OVERLAPS}). A new FP is a false positive where the clean cloud has "
-        "none. The random draw, anywhere, is the weakest of the baselines.",
+        "none.",
         tuple(tables),
         records=tuple(each for summary in summaries for each in summary.success),
     )
@@ -153,7 +154,7 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
     """How the attacks changed the clouds, measured on the stored bags."""
     heads = (
         "condition", "CD m²", "removed", "added", "moved", "mean m", "RMS m", "median m", "95 % below m",
-        "farthest m", "added, farthest m",
+        "farthest m", "added, farthest m", "off their ray", "at a voxel's face %", "clean %",
     )  # fmt: skip
     tables = []
     for summary in summaries:
@@ -166,7 +167,10 @@ def change_section(summaries: Sequence[Summary]) -> ReportSection:
         "changes",
         "Changes of the clouds",
         "Measured on the stored bags. Distances are those that points were moved, between the stored "
-        "coordinates; for an added point, the distance to the nearest point of the clean cloud.",
+        "coordinates; for an added point, the distance to the nearest point of the clean cloud. Off their "
+        "ray: moved points over 1 mm beside the ray from the LiDAR to where they were, which no real echo "
+        "is. At a voxel's face: moved and added points within 1.5 mm of one, and beside it all points of the "
+        "clean clouds.",
         tuple(tables),
     )
 
@@ -186,7 +190,18 @@ def _change_line(name: str, metrics: CloudMetrics) -> tuple[str, ...]:
         formatted_number(metrics.chamfer_distance_m2, 5),
         *(formatted_number(count, 0) for count in points),
         *(formatted_number(length_m or None, 4) for length_m in lengths_m),
+        _share_off_ray(metrics),
+        formatted_number(metrics.at_face_percent, 1),
+        formatted_number(metrics.at_face_clean_percent, 1),
     )
+
+
+def _share_off_ray(metrics: CloudMetrics) -> str:
+    """Such as `1,203 (98.2 %)` of the moved points."""
+    if not metrics.points_moved or metrics.points_off_ray is None:
+        return NOTHING
+    percent = 100 * metrics.points_off_ray / metrics.points_moved
+    return f"{metrics.points_off_ray:,} ({formatted_number(percent, 1)} %)"
 
 
 def recount_section(summaries: Sequence[Summary]) -> ReportSection:

@@ -24,7 +24,9 @@ from advpipe.pipeline.birds_eye import (
     prepare_axes,
 )
 from advpipe.pipeline.core.figure import Figure
+from advpipe.pipeline.geometry.boxes import box_corners
 from advpipe.pipeline.messages.cloud import xyz
+from advpipe.stages.evaluate.report.label_places import place_labels
 from advpipe.stages.evaluate.report.scene import CloudView, ReportScene, crop
 from advpipe.stages.evaluate.report.style import DISPLACED, LOST, PREDICTION
 
@@ -35,6 +37,12 @@ SMALL_M2 = 4.0
 
 LOST_TEXT = "#a85a00"
 """A darker orange, in which small texts are legible on white."""
+
+LETTER = 0.6
+"""Width of a letter by its height, about."""
+
+LEAD = 6.0
+"""A label that is farther from its object, in points, has a line to it."""
 
 WIDTH_IN, HEAD_IN, FOOT_IN, CLEAN_IN = 15.0, 0.85, 0.55, 8.0
 
@@ -69,7 +77,7 @@ def draw_scene(scene: ReportScene) -> Figure:
             _draw_frame_of(axes, focus)
     for row, (label, view) in enumerate(views if focus is not None else []):
         axes = figure.add_subplot(grid[row, -1])
-        draw_view(axes, scene, view, focus or limits, point_area=4.0, rings=False)
+        draw_view(axes, scene, view, focus or limits, point_area=4.0, rings=False, text_points=10.0)
         axes.set_title(f"{label}, close-up", loc="left", fontsize=11, color=INK, pad=6)
     figure.text(0.012, 1 - 0.18 / total, scene.title, va="top", fontsize=14, fontweight="bold", color=INK)
     figure.legend(
@@ -114,9 +122,18 @@ def _focus(scene: ReportScene) -> Limits | None:
 
 
 def draw_view(
-    axes: Axes, scene: ReportScene, view: CloudView, limits: Limits, point_area: float, rings: bool = True
+    axes: Axes,
+    scene: ReportScene,
+    view: CloudView,
+    limits: Limits,
+    point_area: float,
+    rings: bool = True,
+    text_points: float = 7.0,
 ) -> None:
-    """One cloud of a scene with its boxes on these axes; rings: of distance, and thinner lines."""
+    """One cloud of a scene with its boxes on these axes; rings: of distance, and thinner lines.
+
+    text_points: size of scores and overlaps.
+    """
     prepare_axes(axes, limits)
     if rings:
         draw_rings(axes, limits)
@@ -134,20 +151,38 @@ def draw_view(
                 draw_boxes(
                     axes, boxes[chosen], colour, line * 1.5, linestyle="dashed", grow_m=0.7, heading=False
                 )
-        _draw_marks(axes, scene, limits, 7 if rings else 10)
+        _draw_marks(axes, scene, limits, text_points)
 
 
 def _draw_marks(axes: Axes, scene: ReportScene, limits: Limits, size: float) -> None:
-    """Score and IoU below each displaced or lost object within the limits."""
-    x_min, x_max, y_min, y_max = limits
-    for number, text in scene.marks.items():
-        x, y, length_m = scene.truth.boxes.geometry[number][[0, 1, 3]]
-        if x_min < x < x_max and y_min < y < y_max:
-            axes.text(
-                y, x - length_m / 2 - 1.2, text, fontsize=size, ha="center", va="top", zorder=7,
-                color=LOST_TEXT if scene.lost[number] else DISPLACED, clip_on=True,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8},
-            )  # fmt: skip
+    """Score and IoU beside each displaced or lost object within the limits; a line leads to one farther off.
+
+    size: of the letters, in points.
+    """
+    x_min, _, y_min, y_max = limits
+    axes.apply_aspect()
+    per_pixel = 72 / axes.figure.dpi
+    panel = float(axes.bbox.width * per_pixel), float(axes.bbox.height * per_pixel)
+    per_m = panel[0] / (y_max - y_min)
+    corners = box_corners(scene.truth.boxes.geometry)[:, :4, :2]
+    on_paper = np.stack([y_max - corners[..., 1], corners[..., 0] - x_min], axis=2) * per_m
+    rectangles = np.concatenate([on_paper.min(axis=1), on_paper.max(axis=1)], axis=1)
+    middles = (rectangles[:, :2] + rectangles[:, 2:]) / 2
+    shown = [each for each in scene.marks if ((middles[each] > 0) & (middles[each] < panel)).all()]
+    grown = rectangles + 0.7 * per_m * np.array([-1, -1, 1, 1])
+    sizes = np.array([(LETTER * size * len(scene.marks[each]) + 4, 1.3 * size) for each in shown])
+    centres = place_labels(grown[shown], sizes.reshape(-1, 2), rectangles, panel)
+    for number, (u, v) in zip(shown, centres, strict=True):
+        colour = LOST_TEXT if scene.lost[number] else DISPLACED
+        end = np.clip((u, v), grown[number, :2], grown[number, 2:])
+        ends = np.array([(u, v), end]) / per_m
+        if np.abs(end - (u, v))[1] > size + LEAD or np.abs(end - (u, v))[0] > sizes[0, 0]:
+            axes.plot(y_max - ends[:, 0], x_min + ends[:, 1], color=colour, linewidth=0.7, zorder=6)
+        axes.text(
+            y_max - ends[0, 0], x_min + ends[0, 1], scene.marks[number], fontsize=size, ha="center",
+            va="center", zorder=7, color=colour, clip_on=True,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
+        )  # fmt: skip
 
 
 def _draw_changes(axes: Axes, scene: ReportScene, view: CloudView, area: float) -> None:
@@ -156,11 +191,13 @@ def _draw_changes(axes: Axes, scene: ReportScene, view: CloudView, area: float) 
         return
     removed = xyz(scene.before.cloud[scene.change.removed])
     if view is scene.before:
-        axes.scatter(removed[:, 1], removed[:, 0], color=REMOVED, s=area * 4.5, linewidths=0, zorder=3)
+        axes.scatter(
+            removed[:, 1], removed[:, 0], color=REMOVED, s=area * 4.5, linewidths=0, zorder=3, rasterized=True
+        )
         return
     axes.scatter(
         removed[:, 1], removed[:, 0], s=area * 5, facecolors="none", edgecolors=REMOVED,
-        linewidths=0.35, zorder=3, alpha=0.8,
+        linewidths=0.35, zorder=3, alpha=0.8, rasterized=True,
     )  # fmt: skip
     for indices, colour in ((scene.change.added, ADDED), (scene.change.moved, MOVED)):
         points = xyz(view.cloud[indices])

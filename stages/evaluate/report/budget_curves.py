@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.results.metrics import CloudMetrics, Interval
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.baseline import BASELINES, BEST, baseline_names, baseline_title
+from advpipe.stages.evaluate.detection.baseline import baseline_names, baseline_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION, SOFT, plain_axes
 
 Point = tuple[float, float, Interval]
@@ -19,7 +19,7 @@ Point = tuple[float, float, Interval]
 
 Where = Callable[[ResultRow, CloudMetrics], float]
 
-FORMATS = dict(zip(BASELINES, ("o", "s", "^"), strict=True))
+FORMATS = dict(zip(baseline_names(), ("D--", "o-", "s-", "^-"), strict=True))
 
 
 def budget_groups(rows: Sequence[ResultRow]) -> list[list[ResultRow]]:
@@ -49,9 +49,7 @@ def draw_budget_curves(rows: Sequence[ResultRow]) -> Figure:
         plain_axes(axes)
         axes.axhline(100, color="#c9d1da", linewidth=1, zorder=1)
         for name in names:
-            line = "--" if name.endswith(BEST) else "-"
-            style = f"{FORMATS[name.removesuffix(BEST)]}{line}"
-            _draw_line(axes, _points(rows, where, name), style, BASELINE, baseline_title(name))
+            _draw_line(axes, _points(rows, where, name), FORMATS[name], BASELINE, baseline_title(name))
         _draw_line(axes, _points(rows, where), "o-", PREDICTION, "attack")
         if all(row.attacked and where(row, row.attacked) for row in rows):
             axes.set_xscale(scale)

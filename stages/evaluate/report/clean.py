@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.metrics import Interval
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE, Precision
 from advpipe.stages.evaluate.detection.scoring import CRITERIA
@@ -69,7 +70,7 @@ def lead(summary: Summary) -> str:
     if ("strict", "car") in found.ap:
         text += f"; car alone {formatted_number(found.ap['strict', 'car'], 3)}"
         text += _in_brackets(found.strict_ci95["car"], summary)
-    return text + f". Strict 3D, R40, {counts.frames} frames."
+    return text + f". Strict 3D, R40, {counted(counts.frames, 'frame')}."
 
 
 def distinct_clean(summaries: Sequence[Summary]) -> list[Summary]:

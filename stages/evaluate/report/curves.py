@@ -39,7 +39,7 @@ CLEAN_LINES = tuple(
 )
 ATTACK_LINES = (
     Line("clean", "strict", "clean", INK, "-"),
-    Line("baseline", "strict", "one draw at random, anywhere", BASELINE, "-"),
+    Line("random_best", "strict", "random-best", BASELINE, "-"),
     Line("adv", "strict", "attacked", PREDICTION, "-"),
 )
 

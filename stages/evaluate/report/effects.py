@@ -20,7 +20,7 @@ from advpipe.stages.evaluate.report.wording import OVERLAPS
 
 HEADS = (
     *("attack", "condition", "frames", "mAP ratio, strict %", "mAP ratio, loose %"),
-    *("lost", "lost %", "displaced", "displaced %"),
+    *("lost", "lost %", "displaced", "displaced %", "RMS shift m", "CD m²"),
 )
 
 
@@ -47,10 +47,11 @@ def effects_section(summaries: Mapping[str, Summary]) -> ReportSection:
 
 
 def _lines(title: str, summary: Summary) -> Iterator[tuple[str, ...]]:
+    tries = summary.result.attack.baseline_tries
     for number, each in enumerate(summary.effects):
         yield (
             title if number == 0 else "",
-            "attacked" if each.condition == "adv" else baseline_title(each.condition),
+            "attacked" if each.condition == "adv" else baseline_title(each.condition, tries),
             f"{'all' if each.frames == ALL else 'attacked'} {each.frame_count:,}",
             _ratio(each, "strict", summary),
             _ratio(each, "loose", summary),
@@ -58,7 +59,17 @@ def _lines(title: str, summary: Summary) -> Iterator[tuple[str, ...]]:
             _percent(each.lost_percent, interval_of_blocks(each.lost_ci95, each.blocks)),
             f"{each.displaced_objects:,} of {each.strict_found_clean:,}",
             _percent(each.displaced_percent, interval_of_blocks(each.displaced_ci95, each.blocks)),
+            *_change(summary, each),
         )
+
+
+def _change(summary: Summary, each: EffectRecord) -> tuple[str, str]:
+    """How far points moved, and the Chamfer distance; over all frames alone."""
+    metrics = summary.result.metrics_of("" if each.condition == "adv" else each.condition)
+    if metrics is None or each.frames != ALL:
+        return NOTHING, NOTHING
+    shift = formatted_number(metrics.rms_displacement_m or None, 4)
+    return shift, formatted_number(metrics.chamfer_distance_m2, 5)
 
 
 def _ratio(each: EffectRecord, criterion: str, summary: Summary) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.v2x import V2xRecord
@@ -37,6 +38,9 @@ def first_screen(report: Report) -> FirstScreen:
     verdicts = tuple(headline.verdict for headline in headlines)
     if _is_one_coordinated_attack(report):
         verdicts = (f"The attack {_listed([headline.clause for headline in headlines])}.",)
+    elif len(headlines) > 1:
+        first, *others = (f"on {headline.target} {headline.clause}" for headline in headlines)
+        verdicts = (f"The strongest attack {'; that '.join([first, *others])}.",)
     return FirstScreen(_title(report, headlines), _about(report), verdicts, headlines)
 
 
@@ -94,5 +98,5 @@ def _about(report: Report) -> str:
         detectors = [f"{each.name} ({', '.join(each.classes)})" for each in report.origin.detectors]
         parts.insert(0, f"detector{'s' if len(detectors) > 1 else ''} {', '.join(detectors)}")
         counts = report.results[0].counts
-        parts.append(f"{counts.frames:,} frames with {counts.objects:,} evaluated objects")
+        parts.append(f"{counted(counts.frames, 'frame')} with {counted(counts.objects, 'evaluated object')}")
     return "; ".join(parts)

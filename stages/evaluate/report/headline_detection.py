@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.metrics import CleanMeans
 from advpipe.pipeline.results.records import EffectRecord
-from advpipe.pipeline.results.row import FrameCounts, ResultRow
-from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
+from advpipe.pipeline.results.row import RANDOM_BEST, FrameCounts, ResultRow
+from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
 from advpipe.stages.evaluate.report.headline_parts import Card, Headline
 from advpipe.stages.evaluate.report.numbers import (
@@ -25,24 +26,23 @@ from advpipe.stages.evaluate.report.numbers import (
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.section import Table
-from advpipe.stages.evaluate.report.wording import changed_points
+from advpipe.stages.evaluate.report.wording import TO_BEAT, changed_points
 
 Value = Callable[[EffectRecord], float]
 
 
-def strongest_attack(report: Report) -> ResultRow:
-    """The attacked row of the first detector with the lowest strict mAP ratio."""
-    rows = [row for row in report.results if row.attacked]
+def strongest_attack(rows: Sequence[ResultRow]) -> ResultRow:
+    """The one of these attacked rows, of the first's detector, with the lowest strict mAP ratio."""
     own = [row for row in rows if row.detector == rows[0].detector]
     return min(own, key=lambda row: _last(row.attacked.map_ratio_percent if row.attacked else math.nan))
 
 
 def detection_headline(report: Report) -> Headline:
     """The effect of the strongest attack on detection."""
-    row = strongest_attack(report)
+    rows = [each for each in report.results if each.attacked]
+    row = strongest_attack(rows)
     effects = _effects_of(report, row)
     attack = _of(effects, "adv")
-    rows = [each for each in report.results if each.attacked]
     found = (
         _ratio_card("mAP ratio, strict", row, effects, "strict", _strict_ratio),
         _ratio_card("mAP ratio, loose", row, effects, "loose", _loose_ratio),
@@ -73,7 +73,8 @@ def clean_headline(row: ResultRow) -> Headline:
     share = 100 * counts.objects_found_clean / counts.objects if counts.objects else math.nan
     verdict = (
         f"The detector finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
-        f"reports {counts.false_positives_clean:,} false positives in {counts.frames:,} frames. Its mAP is "
+        f"reports {counted(counts.false_positives_clean, 'false positive')} in "
+        f"{counted(counts.frames, 'frame')}. Its mAP is "
         f"{formatted_number(strict.map_r40, 3)} at strict and {formatted_number(loose.map_r40, 3)} at loose "
         f"overlap, over {', '.join(counts.classes_in_map)}."
     )
@@ -109,7 +110,7 @@ def _with_attacked_frames(card: Card, value: Value, records: Sequence[EffectReco
     if not records:
         return card
     (record,) = records
-    frames = f"{record.frame_count:,} attacked frame{'' if record.frame_count == 1 else 's'}"
+    frames = counted(record.frame_count, "attacked frame")
     text = f"over the {frames} alone: {_percent(value(record))}"
     return replace(card, attacked=text)
 
@@ -123,10 +124,9 @@ def _of(effects: Sequence[EffectRecord], condition: str) -> EffectRecord:
     return next(each for each in effects if each.condition == condition)
 
 
-def _strongest(effects: Sequence[EffectRecord], value: Value) -> EffectRecord | None:
-    """The baseline with the lowest value; None where none has one."""
-    baselines = [each for each in effects if each.condition != "adv" and not math.isnan(value(each))]
-    return min(baselines, key=value, default=None)
+def _to_beat(effects: Sequence[EffectRecord]) -> EffectRecord | None:
+    """That of baseline `random_best`; None where it was not scored."""
+    return next((each for each in effects if each.condition == RANDOM_BEST), None)
 
 
 def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord], attack_count: int) -> str:
@@ -139,15 +139,11 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
     if math.isnan(attack.map_ratio_percent):
         return f"{subject}: the mAP ratio is {undefined_ratio(row.clean.means['strict'].map_r40)}."
     text = f"{subject} leaves the detector {_left(attack)}"
-    strict, loose = _strongest(effects, _strict_ratio), _strongest(effects, _loose_ratio)
-    if strict and loose:
-        both = (_percent(strict.map_ratio_percent), _percent(loose.map_loose_ratio_percent))
-        names = (_name(strict, row), _name(loose, row))
-        text += "; the strongest random baseline of the same budget leaves "
-        if names[0] == names[1]:
-            text += f"{both[0]} and {both[1]} ({names[0]})"
-        else:
-            text += f"{both[0]} ({names[0]}) and {both[1]} ({names[1]})"
+    if random := _to_beat(effects):
+        text += (
+            f"; {_name(row)}, which spends the same budget randomly, leaves "
+            f"{_percent(random.map_ratio_percent)} and {_percent(random.map_loose_ratio_percent)}"
+        )
     return text + "."
 
 
@@ -161,7 +157,7 @@ def _left(attack: EffectRecord) -> str:
 def _ratio_card(
     title: str, row: ResultRow, effects: Sequence[EffectRecord], criterion: str, value: Value
 ) -> Card:
-    attack, strongest = _of(effects, "adv"), _strongest(effects, value)
+    attack, random = _of(effects, "adv"), _to_beat(effects)
     if math.isnan(value(attack)):
         text = undefined_ratio(row.clean.means[criterion].map_r40)
         return Card(title, text.partition(":")[0], meaning=text, term="map_ratio")
@@ -169,24 +165,24 @@ def _ratio_card(
         title,
         _percent(value(attack)),
         _bounds(row, attack, criterion),
-        _beside(strongest, value, criterion),
+        _beside(random, value, criterion),
         "of the clean mAP is left; lower is worse for the detector",
         "map_ratio" if criterion == "strict" else "iou",
-        compared=_name(strongest, row) if strongest else "",
+        compared=_name(row) if random else "",
     )
 
 
 def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord]) -> Card:
-    strongest = _strongest(effects, lambda each: -each.lost_percent)
+    random = _to_beat(effects)
     return Card(
         "Objects lost",
         _percent(attack.lost_percent),
         _bounds(row, attack, "lost"),
-        _beside(strongest, _lost_share, "lost"),
+        _beside(random, _lost_share, "lost"),
         f"{attack.lost_objects:,} of {attack.found_clean:,} found objects are not found any more; "
         f"{attack.displaced_objects:,} more are displaced",
         "lost",
-        compared=_name(strongest, row) if strongest else "",
+        compared=_name(row) if random else "",
     )
 
 
@@ -206,7 +202,7 @@ def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
 def _beside(baseline: EffectRecord | None, value: Value, what: str) -> str:
     if baseline is None:
         return ""
-    return f"strongest random baseline: {_percent(value(baseline))}" + _in_brackets(baseline, what)
+    return f"random baseline: {_percent(value(baseline))}" + _in_brackets(baseline, what)
 
 
 def _in_brackets(each: EffectRecord, what: str) -> str:
@@ -221,12 +217,12 @@ def _map_card(title: str, mean: CleanMeans, counts: FrameCounts, term: str) -> C
     return Card(title, formatted_number(mean.map_r40, 3), bounds, term=term)
 
 
-def _name(baseline: EffectRecord, row: ResultRow) -> str:
-    """Such as `best of 13 draws near objects`."""
-    where = baseline_title(baseline.condition.removesuffix(BEST)).removeprefix("randomly").lstrip(", ")
-    if baseline.condition.endswith(BEST):
-        return f"best of {row.attack.baseline_tries} draws {where}"
-    return f"one draw {where}"
+def _name(row: ResultRow) -> str:
+    """Of the baseline to beat, such as `random-best, 13 tries`; with fewer than the attack, it says so."""
+    made_by = row.attack
+    title = baseline_title(RANDOM_BEST, made_by.baseline_tries)
+    is_short = made_by.query_budget is not None and made_by.baseline_tries < made_by.query_budget
+    return f"{title} (the attack {made_by.query_budget})" if is_short else title
 
 
 def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
@@ -234,18 +230,13 @@ def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
     several = len({row.detector for row in rows}) > 1
     heads = (
         "attack", *(("detector",) if several else ()), "mAP ratio, strict %", "95 %", "mAP ratio, loose %",
-        "95 %", "lost %", "lost", "displaced", "strongest baseline, strict %", "loose %", "lost %",
+        "95 %", "lost %", "lost", "displaced", f"{TO_BEAT}, strict %", "loose %", "lost %",
     )  # fmt: skip
     lines = []
     for row in rows:
         effects = _effects_of(report, row)
         attack = _of(effects, "adv")
-        values: tuple[Value, ...] = (
-            _strict_ratio,
-            _loose_ratio,
-            lambda each: -each.lost_percent,
-        )
-        strongest = [(_strongest(effects, value), value) for value in values]
+        random = _to_beat(effects)
         lines.append(
             (
                 attack_title(row.attack),
@@ -257,7 +248,10 @@ def _table(report: Report, rows: Sequence[ResultRow]) -> Table:
                 formatted_number(attack.lost_percent, 1),
                 f"{attack.lost_objects:,} of {attack.found_clean:,}",
                 f"{attack.displaced_objects:,}",
-                *(formatted_number(abs(value(each)) if each else None, 1) for each, value in strongest),
+                *(
+                    formatted_number(value(random) if random else None, 1)
+                    for value in (_strict_ratio, _loose_ratio, _lost_share)
+                ),
             )
         )
     return Table("The main values of each attack", heads, tuple(lines))

@@ -9,11 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.evaluation import plain_value
-from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
+from advpipe.pipeline.results.row import RANDOM_BEST, ResultRow
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import (
     class_table,
@@ -30,7 +31,14 @@ from advpipe.stages.evaluate.report.page_table import shown_table
 from advpipe.stages.evaluate.report.pictures import WORST
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.scene import attack_title, worst_frames
-from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture, Table
+from advpipe.stages.evaluate.report.section import (
+    ATTACK,
+    CLEAN,
+    FIRST_SCREEN,
+    OVERVIEW,
+    ReportPicture,
+    Table,
+)
 from advpipe.stages.evaluate.report.table import lost_of, results_table, table_notes
 
 TEMPLATE, STYLE = (Path(__file__).with_name(name) for name in ("template.html", "page.css"))
@@ -70,12 +78,13 @@ def write_html(
         lost=lost_of(report),
         viewer=viewer,
         overview=overview,
-        worst=_worst(first, report, pictures) if not timelines else None,
+        worst=_worst(first, report, pictures),
         timelines=timelines,
         clean_sections=clean_sections,
         added=report.sections,
         sections=sections,
         formulas=report.formulas,
+        definitions=report.definitions,
         provenance=json.dumps(plain_value(report.origin.record()), indent=2, sort_keys=True),
     )
     path.write_text(page, encoding="utf-8")
@@ -126,16 +135,23 @@ def _contents(
     return [*parts, ("definitions", "How the metrics are computed"), ("provenance", "Provenance")]
 
 
-def _worst(first: FirstScreen, report: Report, pictures: Sequence[ReportPicture]) -> ReportPicture | None:
-    """The picture of the worst that the first headline's attack did, or of the worst clean frame."""
+def _worst(first: FirstScreen, report: Report, pictures: Sequence[ReportPicture]) -> list[ReportPicture]:
+    """The picture of the worst that the first headline's attack did, or of the worst clean frame.
+
+    A frame comes in two shapes, the wide one first; nothing comes where there is no picture.
+    """
     bags = ("", first.headlines[0].bag) if first.headlines else ()
     drawn = [*pictures, *(each for section in report.sections for each in section.pictures)]
-    return next((each for each in drawn if each.is_worst and (bags[-1:] == ("",) or each.bag in bags)), None)
+    found = [each for each in drawn if each.is_worst and (bags[-1:] == ("",) or each.bag in bags)]
+    alike = [each for each in found if (each.section, each.bag) == (found[0].section, found[0].bag)]
+    return alike[:2] if found and found[0].section == FIRST_SCREEN else found[:1]
 
 
-def _unbroken(text: str) -> str:
+def _unbroken(text: str) -> Markup:
     """The text in which no line ends between a number and its unit, or within an interval."""
-    return re.sub(r"(?<=\d) (?=(?:%|m|s)(?!\w))", "\u00a0", text).replace("…", "\u2060…\u2060")
+    safe = text if isinstance(text, Markup) else escape(escape_unprintable(text))
+    joined = re.sub(r"(?<=\d) (?=(?:%|m|s)(?!\w))", "\u00a0", safe)
+    return Markup(re.sub(r"[-−\d.,]+…[-−\d.,]*\d", r'<span class="unbroken">\g<0></span>', joined))
 
 
 def _anchor(name: str) -> str:
@@ -150,7 +166,7 @@ def _of(pictures: Sequence[ReportPicture], section: str, bag: str) -> list[Repor
 def precision_rows(result: ResultRow) -> list[list[str]]:
     """Average precision by class: class, boxes, then strict, loose and bird's-eye on each kind of cloud."""
     attacked = result.attacked.precisions.ap if result.attacked else {}
-    random = result.baselines.get(PLAIN_BASELINE)
+    random = result.baselines.get(RANDOM_BEST)
     on_each = (result.clean.precisions.ap, attacked, random.metrics.precisions.ap if random else {})
     return [
         [
@@ -169,7 +185,7 @@ def precision_rows(result: ResultRow) -> list[list[str]]:
 
 def _precision_table(result: ResultRow) -> Table:
     criteria = ("strict 3D", "loose 3D", "strict bird's-eye")
-    conditions = ("clean", "attack", "one random draw")
+    conditions = ("clean", "attack", "random-best")
     heads = ("class", "boxes", *(f"{each}: {cloud}" for each in criteria for cloud in conditions))
     lines = tuple(tuple(line) for line in precision_rows(result))
     return Table("Average precision (R40) by class, in [0, 1]", heads, lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.metrics import Interval
 from advpipe.pipeline.results.row import FrameCounts
 from advpipe.stages.evaluate.detection.result import MIN_BLOCKS
@@ -68,7 +69,7 @@ def interval_cell(bounds: Interval, counts: FrameCounts, digits: int = 1) -> str
 
 def no_interval(counts: FrameCounts) -> str:
     """What stands in place of intervals where the frames fill too few blocks for one."""
-    return f"{NO_INTERVAL}: {counts.frames} frame{'' if counts.frames == 1 else 's'}"
+    return f"{NO_INTERVAL}: {counted(counts.frames, 'frame')}"
 
 
 def short_name(detector: object) -> str:

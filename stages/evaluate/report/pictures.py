@@ -17,11 +17,13 @@ from advpipe.stages.evaluate.report.birds_eye import draw_scene
 from advpipe.stages.evaluate.report.budget_curves import budget_groups, draw_budget_curves
 from advpipe.stages.evaluate.report.clean import distinct_clean, of_first_detector
 from advpipe.stages.evaluate.report.curves import ATTACK_LINES, CLEAN_LINES, draw_precision_curves
+from advpipe.stages.evaluate.report.headline_detection import strongest_attack
 from advpipe.stages.evaluate.report.numbers import short_name
 from advpipe.stages.evaluate.report.ratios import draw_ratios
 from advpipe.stages.evaluate.report.scene import attack_name, best_frames, load_scene, worst_frames
-from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, OVERVIEW, ReportPicture
+from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, FIRST_SCREEN, OVERVIEW, ReportPicture
 from advpipe.stages.evaluate.report.strata_plot import draw_strata
+from advpipe.stages.evaluate.report.worst_picture import draw_worst
 
 WORST, BEST = 3, 1
 WORST_CLEAN, BEST_CLEAN = 2, 2
@@ -50,8 +52,11 @@ def draw_pictures(
     first = of_first_detector(summaries)
     for number, summary in enumerate(distinct_clean(first)):
         pictures += _clean_pictures(summary, f"-{summary.comparison.name}" if number else "")
+    shown = strongest_attack(rows).bag if rows else first[0].comparison.name if first else ""
     for summary in track(first, "pictures", len(first)):
-        pictures += _bag_pictures(clean, summary, lidar_topic)
+        pictures += _bag_pictures(
+            clean, summary, lidar_topic, on_first_screen=summary.comparison.name == shown
+        )
     return pictures
 
 
@@ -75,14 +80,17 @@ def _clean_pictures(summary: Summary, suffix: str) -> Iterator[ReportPicture]:
     )
 
 
-def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Iterator[ReportPicture]:
-    """What an attack does to precision and recall, and the worst and best frames of a bag."""
+def _bag_pictures(
+    clean: Path, summary: Summary, lidar_topic: str | None, *, on_first_screen: bool
+) -> Iterator[ReportPicture]:
+    """What an attack does to precision and recall, and the worst and best frames of a bag; the worst one in
+    two more shapes for the first screen."""
     bag, attacked = summary.comparison.name, summary.comparison.bag is not None
     section = ATTACK if attacked else CLEAN
     if attacked:
         caption = (
-            "Precision over recall, strict 3D: attacked, clean, and the weakest baseline, one draw at random "
-            "anywhere; with AP R40"
+            "Precision over recall, strict 3D: attacked, clean, and under random-best, which spends the same "
+            "budget; with AP R40"
         )
         figure = draw_precision_curves(summary, ATTACK_LINES)
         yield picture_of(section, bag, f"{bag}-precision_recall.png", caption, figure)
@@ -92,8 +100,13 @@ def _bag_pictures(clean: Path, summary: Summary, lidar_topic: str | None) -> Ite
         for rank, frame in enumerate(frames):
             scene = load_scene(clean, summary, frame, lidar_topic)
             caption = f"{which} frame: {scene.title}"
-            drawn = picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
-            yield replace(drawn, is_worst=which == "Worst" and rank == 0)
+            yield picture_of(section, bag, f"{scene.name}.png", caption, draw_scene(scene), attacked)
+            if on_first_screen and which == "Worst" and rank == 0:
+                for shape in ("wide", "tall"):
+                    name = f"{scene.name}-{shape}.png"
+                    figure = draw_worst(scene, is_tall=shape == "tall")
+                    drawn = picture_of(FIRST_SCREEN, bag, name, caption, figure, shape == "wide")
+                    yield replace(drawn, is_worst=True)
 
 
 def picture_of(

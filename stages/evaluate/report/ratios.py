@@ -13,11 +13,11 @@ from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.report.numbers import short_name, shown_interval
 from advpipe.stages.evaluate.report.scene import attack_title
 from advpipe.stages.evaluate.report.style import BASELINE, INK, PREDICTION
-from advpipe.stages.evaluate.report.wording import PLAIN_RANDOM
+from advpipe.stages.evaluate.report.wording import TO_BEAT
 
 
 def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
-    """A line for each attack: the attack in red, the strongest plain random baseline in grey."""
+    """A line for each attack: the attack in red, the baseline to beat in grey."""
     seen = {row.detector for row in rows}
     titles = [
         attack_title(row.attack) + (f", seen by {short_name(row.detector)}" if len(seen) > 1 else "")
@@ -41,7 +41,7 @@ def draw_ratios(rows: Sequence[ResultRow]) -> Figure:
     axes.tick_params(length=0)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    for colour, label in ((PREDICTION, "attack"), (BASELINE, f"strongest {PLAIN_RANDOM} baseline")):
+    for colour, label in ((PREDICTION, "attack"), (BASELINE, TO_BEAT)):
         axes.plot([], [], "o", color=colour, label=label)
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncols=2, fontsize=9, labelcolor=INK

@@ -14,7 +14,7 @@ from advpipe.pipeline.results.records import PrecisionRecord
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.numbers import formatted_number, undefined_ratio
 from advpipe.stages.evaluate.report.section import Formula, ReportSection
-from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, WHITE_BOX
 
 T = TypeVar("T", bound=Listed)
 
@@ -24,25 +24,30 @@ DEFINITIONS = (
         "AP = (1/40) * sum over r in {1/40, ..., 1} of max precision at recall >= r (R40); R11 reads "
         "precision at r in {0, 0.1, ..., 1} instead",
         ("ap_*_clean", "ap_*_adv", "ap_r40", "ap_r11"),
+        title="Average precision (AP)",
     ),
     Formula(
         "map",
         "mAP = mean AP over the classes with at least 50 evaluated boxes in the scored clean frames",
         ("map_clean", "map_adv", "classes_in_map"),
+        title="Mean average precision (mAP)",
     ),
     Formula(
         "map_ratio",
         "mAP ratio = 100 % * mAP(adversarial clouds) / mAP(clean clouds), on the same frames",
         ("map_ratio_percent", "map_loose_ratio_percent"),
+        title="mAP ratio",
     ),
     Formula(
         "iou",
         "strict 3D IoU: car and truck 0.7, cyclist and pedestrian 0.5; loose: 0.5 and 0.25",
+        title="Strict and loose overlap (IoU)",
     ),
     Formula(
         "ignored",
         "no object counts with fewer than 5 points in the clean cloud or with its centre out of the "
         "detector's range in the plane, and no detection that finds one, nor one out of that range",
+        title="Objects and detections that do not count",
     ),
     Formula(
         "strata",
@@ -50,50 +55,56 @@ DEFINITIONS = (
         "recorded occlusion: objects of other strata and their detections are ignored; a false positive "
         "counts in the stratum of its own range and points, and in every stratum of occlusion",
         ("by", "stratum"),
+        title="Results by range, LiDAR points and occlusion",
     ),
     Formula(
         "kitti_difficulty",
         "KITTI's levels easy, moderate and hard are defined in a camera's image (height of the box "
         "in pixels, truncation), which is missing here: AP is given by range, points and occlusion instead",
+        title="KITTI's levels of difficulty",
     ),
     Formula(
         "chamfer",
         "CD(P, Q) = mean over p of min |p - q|^2 + mean over q of min |q - p|^2, in m^2; "
         "the mean over frames",
         ("chamfer_distance_m2",),
+        title="Chamfer distance (CD)",
     ),
     Formula(
         "interval",
         "95 % percentile interval of a bootstrap over blocks of at least 5 s, drawn together for "
         "clean, adversarial and baseline clouds",
         ("*_ci95", "blocks"),
+        title="95 % intervals",
     ),
     Formula(
         "baseline",
         "as many points removed, added or moved as far as by the attack, chosen at random: anywhere; "
         "near objects (within 0.5 m of a box) as far as there are such points; or, where points are moved, "
-        "every point by the attack's bound; best try: of as many tries as the attack's query budget (or as "
-        "stated) the one that hides most, chosen for each object by the detector's own result, and put "
-        "together. " + RANDOM_BEST,
-        ("baselines", "baseline_*", "baseline_near_*", "baseline_full_*", "baseline_tries"),
+        "every point by the attack's bound. " + ABOUT_BASELINES,
+        ("baselines", "random_best_*", "baseline_*", "baseline_near_*", "baseline_full_*", "baseline_tries"),
+        title="Random baselines",
     ),
     Formula(
         "significant_vs_random",
-        "the 95 % interval of the paired difference of mAP ratios to every plain random baseline that is "
-        "scored beside the attack lies below 0; recipe random-best, which is stronger, is not compared",
+        "the 95 % interval of the paired difference of mAP ratios to random-best lies below 0; with fewer "
+        "than six blocks no interval is shown, and nothing is said of significance",
         ("significant_vs_random", "map_ratio_delta_points_vs_*"),
+        title="Significance against random baselines",
     ),
     Formula(
         "attack_success",
         "100 % * objects lost / objects found on the clean clouds; at loose overlap, and "
         "beside it as strict_... at strict overlap, both with a score of at least the working_score",
         ("attack_success_percent", "strict_attack_success_percent"),
+        title="Attack success and new false positives",
     ),
-    Formula("white_box", WHITE_BOX, ("is_white_box", "attacked_against")),
+    Formula("white_box", WHITE_BOX, ("is_white_box", "attacked_against"), title="What the attacker knows"),
     Formula(
         "recounted",
         "the objects that have at least 5 points in the attacked cloud instead of the clean one",
         ("*_recounted",),
+        title="Objects, recounted",
     ),
     Formula(
         "defence",
@@ -101,12 +112,14 @@ DEFINITIONS = (
         "same draws; objects are those of the clean clouds as recorded, and boxes are transformed back to "
         "their frame",
         ("defence", "clean_map_kept_percent", "map_adv_percent"),
+        title="Defences",
     ),
     Formula(
         "lost",
         "lost objects are found on the clean cloud and missed on the other, at loose IoU and at least "
         "the working_score (the best F1 on the clean clouds)",
         ("lost_objects", "working_score"),
+        title="Lost objects",
     ),
     Formula(
         "displaced",
@@ -114,6 +127,7 @@ DEFINITIONS = (
         "overlap only, both with at least the working_score: the detector still sees that something is "
         "there, in the wrong place, size or direction",
         ("displaced_objects", "displaced_percent", "displaced"),
+        title="Displaced objects",
     ),
 )
 """What the values of detection mean."""
@@ -150,6 +164,16 @@ class Report(Evaluation):
         from advpipe.stages.evaluate.report.notebook import notebook_html
 
         return notebook_html(self)
+
+    @property
+    def definitions(self) -> tuple[Formula, ...]:
+        """The formulas of this report with their titles, in their order."""
+        known = {each.name: each for each in DEFINITIONS}
+        known |= {each.name: each for section in self.sections for each in section.formulas}
+        return tuple(
+            known.get(name, Formula(name, meaning))._replace(meaning=meaning)
+            for name, meaning in self.formulas.items()
+        )
 
     def listed(self, kind: type[T]) -> list[T]:
         """The records of a kind, of all sections."""

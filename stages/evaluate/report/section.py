@@ -8,18 +8,20 @@ from io import BytesIO
 from typing import NamedTuple
 
 from advpipe.pipeline.results.listed import Listed
+from advpipe.stages.evaluate.report.themed_svg import svg_uri, themed_svg
 
-OVERVIEW, CLEAN, ATTACK, SECTION = "overview", "clean", "attack", "section"
+OVERVIEW, CLEAN, ATTACK, SECTION, FIRST_SCREEN = "overview", "clean", "attack", "section", "first-screen"
 """The parts of a report that pictures are in."""
 
 
 class Formula(NamedTuple):
-    """The meaning of some values of a report. keys: those that have them in `report.json`; `*` stands for a
-    class, a criterion or a baseline."""
+    """The meaning of some values. name: among the formulas in `report.json`; title: as people name it.
+    keys: those that have the values in `report.json`; `*` stands for a class, a criterion or a baseline."""
 
     name: str
     meaning: str
     keys: tuple[str, ...] = ()
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class Table:
     is_detail: bool = False
 
 
-MOST_SVG_BYTES = 300_000
-"""The page shows a picture as PNG where its SVG is larger: one of a cloud, whose points are pixels anyway."""
+MOST_SVG_BYTES = 600_000
+"""The page shows a picture as PNG, white on dark pages, too, where its SVG is larger."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,10 @@ class ReportPicture:
     @property
     def data_uri(self) -> str:
         """The picture for the page, which shows it without another file."""
-        is_small = 0 < len(self.svg) <= MOST_SVG_BYTES
-        media, content = ("svg+xml", self.svg) if is_small else ("png", _palette_png(self.png))
-        return f"data:image/{media};base64," + base64.b64encode(content).decode("ascii")
+        svg = themed_svg(self.svg) if self.svg else b""
+        if 0 < len(svg) <= MOST_SVG_BYTES:
+            return svg_uri(svg)
+        return "data:image/png;base64," + base64.b64encode(_palette_png(self.png)).decode("ascii")
 
     @property
     def files(self) -> dict[str, bytes]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
-from advpipe.pipeline.results.row import ResultRow
+from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
@@ -20,7 +21,7 @@ from advpipe.stages.evaluate.report.numbers import (
 )
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.section import Table
-from advpipe.stages.evaluate.report.wording import OVERLAPS, PLAIN_RANDOM, RANDOM_BEST, WHITE_BOX, lost_means
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, WHITE_BOX, lost_means
 
 CLEAN = "clean"
 
@@ -30,6 +31,13 @@ CAR = ("strict", "car")
 COLUMNS = (
     "attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost", "new FP", "max shift m",
 )  # fmt: skip
+
+SIGNIFICANT = {
+    True: " Significant: yes.",
+    False: " Significant: no.",
+    None: "",
+}
+"""The end of a note on an attack; without an interval nothing is said."""
 
 
 def changed_percent(removed: int, added: int, moved: int, clean: int) -> str:
@@ -46,7 +54,7 @@ def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
         return dict.fromkeys(COLUMNS, NOTHING)
     parts = [str(each) for each in (made_by.attack, made_by.recipe, made_by.value) if each not in (None, "")]
     return {
-        "attack": f"  {baseline_title(baseline)}" if baseline else " ".join(parts),
+        "attack": f"  {baseline_title(baseline, made_by.baseline_tries)}" if baseline else " ".join(parts),
         "mAP": formatted_number(metrics.map_adv, 3),
         "ratio %": formatted_ratio(metrics.map_ratio_percent, row.clean.means["strict"].map_r40),
         "95 %": interval_cell(metrics.map_ratio_ci95, row.counts),
@@ -87,7 +95,7 @@ def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
 def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
     """The table's lines: the clean clouds where their figures change, each attack, baselines, defences.
 
-    Of the baselines a short table has the plain one and the strongest.
+    Of the baselines a short table has one draw anywhere and the one to beat.
     """
     table: list[dict[str, str]] = []
     clean: dict[str, str] = {}
@@ -100,7 +108,7 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
         if row.attacked is not None:
             table.append(cells(row))
         names = list(row.baselines)
-        shown = [name for name in names if not is_short or name in (names[0], row.strongest_baseline)]
+        shown = [name for name in names if not is_short or name in (PLAIN_BASELINE, row.strongest_baseline)]
         table += [cells(row, name) for name in shown]
         table += [
             defended_cells(row, each)
@@ -126,7 +134,7 @@ def table_notes(report: Report) -> list[str]:
     several = len({row.detector for row in report.results}) > 1
     for row in report.results:
         bag = f"{row.bag}, seen by {short_name(row.detector)}" if several else row.bag
-        size = f"{row.counts.frames} frames, {row.counts.objects} objects"
+        size = f"{counted(row.counts.frames, 'frame')}, {counted(row.counts.objects, 'object')}"
         inside = [name for name in row.boxes if name in row.counts.classes_in_map]
         outside = [name for name in row.boxes if name not in inside and row.boxes[name]]
         left_out = f", without {_with_boxes(row, outside)}" if outside else ""
@@ -135,15 +143,15 @@ def table_notes(report: Report) -> list[str]:
         if strongest and (bounds := row.baselines[strongest].map_ratio_delta_points_ci95):
             delta = formatted_number(row.baselines[strongest].map_ratio_delta_points, 2)
             shown = shown_interval(bounds, row.counts)
+            title = baseline_title(strongest, row.attack.baseline_tries)
             notes.append(
-                f"{bag}: Δ of the mAP ratio to {baseline_title(strongest)} "
-                f"(the strongest {PLAIN_RANDOM} baseline): {delta} percentage points"
-                f"{f', 95 % interval {interval(shown)}' if shown else ''}. "
-                f"Significant against {PLAIN_RANDOM}: {'yes' if row.significant_vs_random else 'no'}."
+                f"{bag}: Δ of the mAP ratio to {title}: {delta} percentage points"
+                f"{f', 95 % interval {interval(shown)}' if shown else ''}."
+                f"{SIGNIFICANT[row.significant_vs_random]}"
             )
         notes += _lost_note(report, row, bag)
     if any(row.baselines for row in report.results):
-        notes.append(RANDOM_BEST)
+        notes.append(ABOUT_BASELINES)
     if any(row.attacked for row in report.results):
         notes.append(WHITE_BOX)
     return notes

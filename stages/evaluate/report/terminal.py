@@ -19,7 +19,7 @@ from advpipe.stages.evaluate.report.numbers import (
 from advpipe.stages.evaluate.report.report import Report
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import CAR, CLEAN, clean_lines, lines, lost_of, table_notes
-from advpipe.stages.evaluate.report.wording import OVERLAPS, RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, WHITE_BOX
 
 COLUMNS = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
 """The columns of the page's table of attacks that fit into 80 characters."""
@@ -29,7 +29,7 @@ INTERVAL = "95 %"
 
 MIN_TITLE = 16
 
-SHORT_RANDOM_BEST = "Plain random baselines are weaker than recipe random-best, which is not among them."
+SHORT_BASELINES = "The baseline to beat is random-best; the other random baselines are one draw each."
 SHORT_WHITE_BOX = "The attacker knows the true boxes and the detector's weights."
 
 
@@ -64,7 +64,7 @@ def print_report(report: Report) -> None:
 def _notes(report: Report) -> list[str]:
     """The notes of the page's table, shorter."""
     notes = [note.replace(f" ({OVERLAPS})", "") for note in table_notes(report)]
-    short = {RANDOM_BEST: SHORT_RANDOM_BEST, WHITE_BOX: SHORT_WHITE_BOX}
+    short = {ABOUT_BASELINES: SHORT_BASELINES, WHITE_BOX: SHORT_WHITE_BOX}
     return [short.get(note, note) for note in notes]
 
 

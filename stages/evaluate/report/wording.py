@@ -6,21 +6,25 @@ from typing import NamedTuple
 
 from advpipe.pipeline.results.row import ResultRow
 
-PLAIN_RANDOM = "plain random"
-"""The baselines that every report scores, in few words; beside them there is recipe `random-best`."""
+TO_BEAT = "random-best"
+"""The baseline that cards, verdicts and intervals compare an attack with."""
 
-RANDOM_BEST = (
-    "The random baselines here are the plain ones: anywhere, near objects and, where points are moved, every "
-    "point; each as one draw and as the best of several tries. The first draw fixes how much of the budget "
-    "each object gets, and tries are chosen by what is found at strict overlap. Recipe random-best, which "
-    "draws blindly too but spends the budget and keeps the best try for each object as recipe best does, is "
-    "stronger than these and is not among them: `--recipe random-best` of `advpipe attack` and `advpipe "
-    "sweep` scores it like an attack."
+OLDER_BASELINES = (
+    "Figures of older versions have no random-best: beside them stands the strongest of the plain random "
+    "baselines, the best of several whole draws, which is weaker."
+)
+
+ABOUT_BASELINES = (
+    "The baseline to beat is random-best: it draws at random, judges as many tries as recipe best of the "
+    "attack (or as --baseline-tries says), keeps the best for each object and allocates the budget to the "
+    "objects as recipe best does; recipe random-best of advpipe attack is the same. The other random "
+    "baselines are one draw each: anywhere, near objects and, where points are moved, every point."
 )
 
 WHITE_BOX = (
-    "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes, and "
-    "recipes best, robust and random-best also the rule that matches detections to them."
+    "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes, or, with "
+    "--truth detections, what the detector finds in the clean cloud; and recipes best, robust and "
+    "random-best also the rule that matches detections to them."
 )
 
 OVERLAPS = "3D IoU of cars and trucks 0.7 (strict) or 0.5 (loose), of people and two-wheelers 0.5 or 0.25"

@@ -43,12 +43,14 @@ FORMULAS = (
         "the decoder and not counted. The metrics of one attack leave out false messages of other attacks in "
         "the same bag",
         ("messages", "false_messages", "undecoded"),
+        title="False message",
     ),
     Formula(
         "F1, MCC",
         "2 TP / (2 TP + FP + FN); Matthews' correlation coefficient; each reception of a message by a "
         "vehicle counts once",
         ("precision", "recall", "f1", "mcc", "false_positive_rate", "baseline_f1"),
+        title="F1 and MCC of misbehaviour detection",
     ),
     Formula(
         "latency",
@@ -56,12 +58,14 @@ FORMULAS = (
         "flagged, the mean over detected attackers; detected attackers: share of the attackers with any "
         "flagged message",
         ("latency_s", "caught"),
+        title="Detection latency",
     ),
     Formula(
         "false, missing, displaced",
         "per Local Dynamic Map, the mean over time: entries of stations that do not exist; stations within "
         "150 m without an entry; entries, extrapolated with their speed, more than 3 m from their station",
         ("ldm_false_entries", "ldm_missing", "ldm_displaced", "ldm_error_m"),
+        title="False, missing and displaced entries of the Local Dynamic Map",
     ),
     Formula(
         "warning",
@@ -69,6 +73,7 @@ FORMULAS = (
         "path. Alarms come from the Local Dynamic Map, dangers from the true positions of all stations; an "
         "alarm without a danger within 1 s is false, a danger without an alarm is missed",
         ("warning_alarms", "warning_dangers", "warning_false_alarms", "warning_misses"),
+        title="Collision warning",
     ),
     Formula(
         "delivered",
@@ -76,11 +81,13 @@ FORMULAS = (
         "received: share of the CAMs sent within 300 m of the vehicle that no attack touched, the same CAMs "
         "in the clean drive and in the attacked one. Channel busy ratio: in windows of 100 ms",
         ("radio_delivered", "honest_delivered", "honest_delivered_clean", "radio_busy_mean"),
+        title="Messages delivered",
     ),
     Formula(
         "CaTCH published",
         "F1 in VeReMi NextGen's documentation, urban traffic of low density: other data, for orientation; "
         "the value for constant speeds is for zero speed only",
+        title="Published values of CaTCH",
     ),
 )
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
+from advpipe.pipeline.bag.frame_names import read_frame_names
 from advpipe.pipeline.bag.frames import Frame, has_ground_truth
 from advpipe.pipeline.image_labels.frame_labels import frame_labels
 from advpipe.pipeline.image_labels.label_camera import CameraAtFrame, LabelCamera
@@ -16,7 +17,6 @@ from advpipe.stages.export.form import ExportForm, ExportOptions, ExportSummary
 from advpipe.stages.export.frames import (
     attacked_clouds,
     clean_frames,
-    frame_name,
     select_bags,
     validation_names,
     write_splits,
@@ -55,6 +55,7 @@ class _CleanWriter:
     def __init__(self, folder: Path, bag: Path, options: ExportOptions) -> None:
         self._training = folder / "training"
         self._is_labelled = has_ground_truth(bag, options.lidar_topic)
+        self._naming = read_frame_names(bag, as_numbers=True)
         self._camera = LabelCamera(bag, options.lidar_topic)
         self.names: dict[int, str] = {}
         self.labelled: list[str] = []
@@ -64,7 +65,7 @@ class _CleanWriter:
 
     def write(self, frame: Frame) -> None:
         """Write the files of a frame."""
-        name = frame_name(frame.index)
+        name = self._naming.of(frame.stamp_ns, frame.index)
         camera = self._camera.at(frame.stamp_ns)
         self.names[frame.stamp_ns] = name
         write_velodyne(self._training / "velodyne" / f"{name}.bin", frame.cloud)
@@ -92,10 +93,10 @@ class _CleanWriter:
         if self._camera.is_virtual:
             notes.append("the bag has no camera 2: labels are those of a virtual one that looks forward")
         if self._outside:
-            notes.append(f"{self._outside} objects outside the picture are left out, as in KITTI")
+            notes.append(f"objects outside the picture ({self._outside}) are left out, as in KITTI")
         if len(self.labelled) < len(self.names):
-            empty = len(self.names) - len(self.labelled)
-            notes.append(f"{empty} frames without objects are not in ImageSets: toolboxes cannot read them")
+            share = f"{len(self.names) - len(self.labelled)} of {len(self.names)}"
+            notes.append(f"frames without objects ({share}) are not in ImageSets: toolboxes cannot read them")
         return notes
 
 

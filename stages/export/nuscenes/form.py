@@ -46,8 +46,9 @@ class NuscenesExport(ExportForm):
                         f"({option_name('frames')})"
                     )
                 writer.finish()
+            if stamps_ns is None:
+                frames, objects = len(writer.stamps_ns), writer.objects.count
             notes |= dict.fromkeys(sorted(writer.notes))
             stamps_ns = writer.stamps_ns if stamps_ns is None else stamps_ns
-            frames, objects = frames + len(writer.stamps_ns), objects + writer.objects.count
         note = f"NuScenes('{VERSION}', dataroot) opens each of {', '.join(bags)} as dataroot."
         return ExportSummary(folder, "nuscenes", len(bags), frames, objects, (note, *notes))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from advpipe.pipeline.bag.carried import lidar_topics
+from advpipe.pipeline.bag.frame_names import read_frame_names
 from advpipe.pipeline.bag.frames import find_lidar_topic, vehicle_topics
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -37,7 +38,8 @@ class Opv2vExport(ExportForm):
         first = next(iter(bags.values()))
         topics = _topics(first, options.lidar_topic)
         numbers = Numbers(vehicle_topics(topic).vehicle for topic in topics)
-        writer = _Writer(numbers, Ticks())
+        writer = _Writer(numbers, Ticks(read_frame_names(first, as_numbers=True, is_ordered=True).names))
+        objects = 0
         scenario = drive_name(bags)
         for name, bag in bags.items():
             has = BagReader(bag).topics
@@ -45,12 +47,13 @@ class Opv2vExport(ExportForm):
                 number = numbers.of(vehicle_topics(topic).vehicle)
                 chosen = ALL_FRAMES if writer.ticks else options.frames
                 writer.write(bag, topic, chosen, folder / name / scenario / str(number))
+            objects = objects or writer.objects  # of the clean bag, which comes first
         for name in bags:
             text = json.dumps(numbers.names(), indent=1) + "\n"
             (folder / name / scenario / NAMES).write_text(text, encoding="utf-8")
         note = f"OpenCOOD opens each of {', '.join(bags)} as root_dir or validate_dir."
         return ExportSummary(
-            folder, "opv2v", len(bags), writer.frames, writer.objects, (note, *sorted(writer.notes))
+            folder, "opv2v", len(bags), len(writer.ticks), objects, (note, *sorted(writer.notes))
         )
 
 
@@ -59,13 +62,13 @@ class _Writer:
 
     def __init__(self, numbers: Numbers, ticks: Ticks) -> None:
         self.numbers, self.ticks = numbers, ticks
-        self.frames = self.objects = 0
+        self.objects = 0
         self.notes: set[str] = set()
 
     def write(self, bag: Path, topic: str, chosen: FrameSlice, folder: Path) -> None:
         folder.mkdir(parents=True)
         is_first = not self.ticks
-        before = self.frames
+        is_empty = True
         for frame in recorded_frames(bag, topic, chosen, None if is_first else self.ticks):
             if not frame.has_pose:
                 raise AdvpipeError(f"{bag}: no transform says where {topic} is in the map; OPV2V needs poses")
@@ -78,9 +81,9 @@ class _Writer:
             written = write_frame(folder / self.ticks.name(frame.stamp_ns), frame, self.numbers)
             if written < len(frame.boxes):
                 self.notes.add("Pedestrians are left out: this form has vehicles alone.")
-            self.frames += 1
+            is_empty = False
             self.objects += written
-        if self.frames == before:
+        if is_empty:
             raise UsageError(
                 f"{bag}: no cloud of {topic} has the stamp of a chosen one of the first LiDAR in the clean "
                 f"bag; choose other frames ({option_name('frames')}), or one LiDAR ({option_name('lidar')})"

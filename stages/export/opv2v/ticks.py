@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 
 from advpipe.pipeline.core.errors import AdvpipeError
 
@@ -13,9 +13,10 @@ _COARSE_NS = 1_000_000
 
 
 class Ticks(Container[int]):
-    """Stamps and their ticks since the first one. notes: sentences."""
+    """Stamps and their ticks since the first one, or those that the drive's source had. notes: sentences."""
 
-    def __init__(self) -> None:
+    def __init__(self, of_source: Mapping[int, str] | None = None) -> None:
+        self._of_source = of_source or {}
         self._names: dict[int, str] = {}
         self._first_ns = 0
         self.notes: set[str] = set()
@@ -28,6 +29,9 @@ class Ticks(Container[int]):
 
     def add(self, stamp_ns: int) -> None:
         """A later stamp than all before. Raises AdvpipeError if it falls into the tick of another."""
+        if stamp_ns in self._of_source:
+            self._names[stamp_ns] = self._of_source[stamp_ns]
+            return
         if not self._names:
             self._first_ns = stamp_ns
         elapsed_ns = stamp_ns - self._first_ns

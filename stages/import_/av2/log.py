@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -78,14 +78,18 @@ class Av2Log:
         if self._labels is None:
             notes.append("The log holds no annotations.feather, and so no label.")
         if self._unlabelled:
-            notes.append(f"{self._unlabelled} sweeps without labels are left out.")
+            notes.append(f"Sweeps without labels are left out: {self._unlabelled}.")
         return notes
 
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
         """The sweeps from the index `first` on."""
         for stamp_ns in self._stamps_ns[first:]:
             file = self._sweeps[stamp_ns]
-            yield DriveFrame(file.name, stamp_ns, {"ego": self._vehicle(file, stamp_ns)})
+            yield DriveFrame(str(file), stamp_ns, {"ego": self._vehicle(file, stamp_ns)}, file.stem)
+
+    def class_names(self) -> Collection[str]:
+        """The categories of the log's labels."""
+        return {each.class_name for labels in (self._labels or {}).values() for each in labels}
 
     def _vehicle(self, file: Path, stamp_ns: int) -> VehicleFrame:
         clouds = {"lidar": self._cloud(file)}

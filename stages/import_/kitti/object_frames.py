@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,13 @@ from advpipe.pipeline.kitti.object_label import DONT_CARE, ObjectLabel, read_obj
 from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 from advpipe.stages.import_.folders import (
+    cloud_names,
     file_names,
     frame_interval_ns,
     read_cloud,
     read_split,
     refuse_missing,
+    stray_notes,
 )
 from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.options import DROPPED, IGNORED, ImportOptions
@@ -60,6 +62,7 @@ class ObjectFrames:
         ]
         if not self._is_labelled:
             notes = [*notes[:1], "no label_2: the frames have no ground truth"]
+        notes += stray_notes(self._folder / "velodyne", ".bin")
         if self._unknown_sizes:
             width_px, height_px = cameras.USUAL_SIZE_PX
             notes.append(
@@ -71,7 +74,13 @@ class ObjectFrames:
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
         """The frames from the index `first` on."""
         for index, name in enumerate(self._names[first:], first):
-            yield DriveFrame(name, (index + 1) * self._interval_ns, {"ego": self._vehicle(name)})
+            file = self._folder / "velodyne" / f"{name}.bin"
+            yield DriveFrame(str(file), (index + 1) * self._interval_ns, {"ego": self._vehicle(name)}, name)
+
+    def class_names(self) -> Collection[str]:
+        """The classes of the chosen frames' labels."""
+        files = [self._folder / "label_2" / f"{name}.txt" for name in self._names if self._is_labelled]
+        return {each.class_name for file in files for each in read_object_labels(file)}
 
     def _vehicle(self, name: str) -> VehicleFrame:
         calibration = read_object_calibration(self._folder / "calib" / f"{name}.txt")
@@ -96,7 +105,7 @@ class ObjectFrames:
 
     def _checked_names(self, source: Path, split: str | None) -> list[str]:
         folder = self._folder
-        clouds = file_names(folder / "velodyne", ".bin")
+        clouds = cloud_names(folder / "velodyne", ".bin")
         if not clouds:
             raise UsageError(
                 f"{folder / 'velodyne'} holds no .bin files; unpack KITTI's velodyne archive there"

@@ -12,7 +12,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.kitti.calibration import CAMERAS, KittiCalibration
 from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers, read_number_rows
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
-from advpipe.stages.import_.folders import numbered_clouds, read_cloud
+from advpipe.stages.import_.folders import numbered_clouds, read_cloud, stray_notes
 from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.kitti.choose import chosen_folder, refuse_options
 from advpipe.stages.import_.options import ImportOptions
@@ -65,6 +65,7 @@ class OdometrySequence:
     def notes(self) -> Sequence[str]:
         """What was assumed, and what is missing."""
         notes = ["sequences have no objects: there is nothing for a detector to find"]
+        notes += stray_notes(self._folder / "velodyne", ".bin")
         if self._poses is None:
             notes.append("no poses: KITTI publishes those of the sequences 00 to 10")
         if self._size_px is None:
@@ -76,9 +77,10 @@ class OdometrySequence:
         """The frames from the index `first` on."""
         views = cameras.camera_views(self._calibration, self._size_px or cameras.USUAL_SIZE_PX)
         for number in self._numbers[first:]:
-            cloud = read_cloud(self._folder / "velodyne" / f"{number:06d}.bin", self._options.scale_intensity)
+            file = self._folder / "velodyne" / f"{number:06d}.bin"
+            cloud = read_cloud(file, self._options.scale_intensity)
             vehicle = VehicleFrame({"lidar": cloud}, map_SE3_base=self._pose(number), cameras=views)
-            yield DriveFrame(f"{number:06d}", self._stamps_ns[number], {"ego": vehicle})
+            yield DriveFrame(str(file), self._stamps_ns[number], {"ego": vehicle}, file.stem)
 
     def _pose(self, number: int) -> Float64 | None:
         """map_SE3_base: KITTI's poses are those of camera 0, rectified, from its first frame."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from advpipe.pipeline.kitti.object_label import camera_box, observation_angle
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
-from advpipe.stages.import_.folders import numbered_clouds, read_cloud
+from advpipe.stages.import_.folders import numbered_clouds, read_cloud, stray_notes
 from advpipe.stages.import_.kitti import cameras
 from advpipe.stages.import_.kitti.choose import chosen_folder, refuse_options
 from advpipe.stages.import_.kitti.oxts import OxtsPoses
@@ -74,8 +74,9 @@ class RawDrive:
     def notes(self) -> Sequence[str]:
         """What was assumed, and what is missing."""
         notes = ["time stamps, which KITTI gives in local time, are taken as UTC"]
+        notes += stray_notes(self._folder / "velodyne_points" / "data", ".bin")
         if missing := self._numbers[-1] - self._numbers[0] + 1 - len(self._numbers):
-            notes.append(f"{missing} clouds in between are missing")
+            notes.append(f"clouds missing in between: {missing}")
         if self._oxts is None:
             notes.append("no folder oxts: the poses of the vehicle are unknown")
         if self._tracklets is None:
@@ -87,14 +88,19 @@ class RawDrive:
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
         """The frames from the index `first` on."""
         for number in self._numbers[first:]:
-            yield DriveFrame(self._name(number), self._stamps_ns[number], {"ego": self._vehicle(number)})
+            file = self._file(number)
+            yield DriveFrame(str(file), self._stamps_ns[number], {"ego": self._vehicle(number)}, file.stem)
 
-    def _name(self, number: int) -> str:
-        return f"{number:010d}"
+    def class_names(self) -> Collection[str]:
+        """The classes of the tracklets."""
+        file = self._folder / "tracklet_labels.xml"
+        return {each.class_name for each in read_tracklets(file)} if file.is_file() else ()
+
+    def _file(self, number: int) -> Path:
+        return self._folder / "velodyne_points" / "data" / f"{number:010d}.bin"
 
     def _vehicle(self, number: int) -> VehicleFrame:
-        file = self._folder / "velodyne_points" / "data" / f"{self._name(number)}.bin"
-        clouds = {"lidar": read_cloud(file, self._options.scale_intensity)}
+        clouds = {"lidar": read_cloud(self._file(number), self._options.scale_intensity)}
         pose = None
         if self._oxts is not None:
             pose = self._map_SE3_lidar(number) @ invert(self._base_SE3_lidar)

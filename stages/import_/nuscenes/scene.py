@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -65,7 +65,17 @@ class NuscenesScene:
         for sweep in self._records.sweeps[first:]:
             pose = _matrix(self._records.poses[sweep.ego_pose_token], "ego_pose")
             vehicle = self._vehicle(sweep, pose)
-            yield DriveFrame(sweep.filename, sweep.timestamp * 1000, {"ego": vehicle})
+            file = self._tables.data / sweep.filename
+            name = file.name.removesuffix(".bin").removesuffix(".pcd")
+            yield DriveFrame(str(file), sweep.timestamp * 1000, {"ego": vehicle}, name)
+
+    def class_names(self) -> Collection[str]:
+        """The categories of the data set's table, and those with an attribute behind a slash."""
+        categories = self._tables.category_names()
+        return [
+            *categories,
+            *(f"{category}/{each}" for category in categories for each in self._records.attributes.values()),
+        ]
 
     def _vehicle(self, sweep: SampleDataRecord, map_SE3_base: Float64) -> VehicleFrame:
         clouds = {"lidar": self._cloud(sweep)}

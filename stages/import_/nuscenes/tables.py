@@ -101,6 +101,10 @@ class NuscenesTables:
             raise UsageError(f"{self.file('scene')} holds no scene")
         return tokens
 
+    def category_names(self) -> list[str]:
+        """The names of all categories."""
+        return [record.name for record in records_of(self.file("category"), NamedRecord)]
+
     def scene(self, name: str, token: str) -> SceneRecords:
         """Read what the tables say about a scene; the large ones are read once, record by record."""
         samples = self._by_token("sample", SampleRecord, "scene_token", [token])

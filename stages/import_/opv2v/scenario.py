@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.carla import se3_from_carla
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3, transform_points, wrap_angle, yaw_of
@@ -85,7 +86,8 @@ class Opv2vScenario:
             "and lose roll and pitch.",
         ]
         missing = {agent.number: len(set(self.ticks) - agent.ticks) for agent in self.agents}
-        notes += [f"Agent {number} lacks {count} frames." for number, count in missing.items() if count]
+        missing = {number: count for number, count in missing.items() if count}
+        notes += [f"Agent {number} lacks {counted(count, 'frame')}." for number, count in missing.items()]
         return notes
 
     def frames(self, first: int = 0) -> Iterator[DriveFrame]:
@@ -95,7 +97,16 @@ class Opv2vScenario:
                 agent.name: self._vehicle(agent, tick) for agent in self.agents if tick in agent.ticks
             }
             elapsed_s = int(tick) * TICK_S if self.interval_s is None else index * self.interval_s
-            yield DriveFrame(f"{self.name}/{tick}", round(elapsed_s * 1e9), vehicles)
+            yield DriveFrame(f"{self._folder / tick}.pcd", round(elapsed_s * 1e9), vehicles, tick)
+
+    def class_names(self) -> Collection[str]:
+        """The classes of the vehicles in all files."""
+        files = (agent.folder / f"{tick}.yaml" for agent in self.agents for tick in sorted(agent.ticks))
+        return {_class_of(each) for file in files for each in read_annotation(file).vehicles.values()}
+
+    @property
+    def _folder(self) -> Path:
+        return self.agents[0].folder
 
     def _vehicle(self, agent: Agent, tick: str) -> VehicleFrame:
         file = agent.folder / f"{tick}.pcd"
@@ -128,7 +139,11 @@ def _labelled(vehicle: SurroundingVehicle, name: str) -> LabelledObject:
     if vehicle.speed is not None:
         velocity = tuple((pose[:3, 0] * vehicle.speed / 3.6).tolist())
     box = (*pose[:3, 3].tolist(), *sizes_m, yaw_of(pose))
-    return LabelledObject(vehicle.obj_type or vehicle.bp_id or "vehicle", name, box, velocity)
+    return LabelledObject(_class_of(vehicle), name, box, velocity)
+
+
+def _class_of(vehicle: SurroundingVehicle) -> str:
+    return vehicle.obj_type or vehicle.bp_id or "vehicle"
 
 
 def _count(cloud: Cloud, boxes: Float64, map_SE3_lidar: Float64) -> npt.NDArray[np.int64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -14,14 +14,23 @@ import numpy as np
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3_from_yaw
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.labels import IgnoredBoxes
+from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 from advpipe.stages.import_.named_boxes import NamedBox, sort_named_boxes
 from advpipe.stages.import_.options import ImportOptions
 from advpipe.stages.import_.rosbag.clouds import cloud_of_message
 from advpipe.stages.import_.rosbag.objects import PosedBox, boxes_of_message
+from advpipe.stages.import_.rosbag.own_bag import (
+    Uncounting,
+    coverage_of,
+    frame_names,
+    ignored_boxes,
+    source_of_bag,
+)
 from advpipe.stages.import_.rosbag.recording import Recorded, Recording
 from advpipe.stages.import_.rosbag.topics import ChosenTopics
 from advpipe.stages.import_.rosbag.transforms import LONGEST_GAP_NS, TransformTree
@@ -36,6 +45,10 @@ _MOST_WAITING = 50
 _TRIED_CLOUDS = 50
 """How many clouds may pass until the recording has told where the LiDAR is mounted."""
 
+_MOST_NAMED = 5
+_EXPECTED = frozenset({CLOCK.name})
+"""Topics that nobody misses: an import writes its own."""
+
 _BASE_NAMES = ("base_link", "base_footprint")
 
 
@@ -43,7 +56,8 @@ _BASE_NAMES = ("base_link", "base_footprint")
 class Instant:
     """A cloud's message with its header, and what the recording says of its time.
 
-    labels: the nearest message of boxes with its stamp; None where none is near.
+    labels: the nearest message of boxes with its stamp; None where none is near. uncounting: what a bag of
+    advpipe says of the same stamp.
     """
 
     stamp_ns: int
@@ -51,6 +65,7 @@ class Instant:
     recorded: Recorded
     message: Any
     labels: tuple[int, Any] | None
+    uncounting: Uncounting
 
 
 @dataclass(frozen=True)
@@ -70,10 +85,15 @@ class RecordedDrive:
         self, recording: Recording, topics: ChosenTopics, options: ImportOptions, classes: Mapping[str, str]
     ) -> None:
         self._recording, self._topics, self._classes = recording, topics, classes
+        self._chosen = options.classes
         self._scale = 1.0 if options.scale_intensity is None else options.scale_intensity
         self._on_ground = topics.objects is not None and topics.objects.startswith("/carla/")
         self.name = recording.path.resolve().stem
         self.frame_count = recording.topics[topics.points].messages
+        source = source_of_bag(recording)
+        self.licence, self.citation = source.licence, source.citation
+        self._frame_names = frame_names(recording, topics)
+        self._uncounting: dict[int, Uncounting] = {}
         self._static = self._read_static()
         self._mount = self._find_mount(options.lidar_height_m)
         self.notes: Sequence[str] = tuple(self._sentences(options.lidar_height_m))
@@ -94,14 +114,30 @@ class RecordedDrive:
         for index, instant in enumerate(self._instants(tree, first), first):
             name = f"{self._recording.path}: {self._topics.points} {index}"
             try:
-                yield DriveFrame(name, instant.stamp_ns, {"ego": self._vehicle(tree, instant)})
+                source_name = self._frame_names.get(instant.recorded.log_time_ns, "")
+                yield DriveFrame(name, instant.stamp_ns, {"ego": self._vehicle(tree, instant)}, source_name)
             except AdvpipeError as error:
                 raise AdvpipeError(f"{name}: {error}") from None
+
+    def class_names(self) -> Collection[str]:
+        """The classes of all boxes, those that count neither way among them."""
+        found: set[str] = set()
+        topics = [name for name in (self._topics.objects, self._topics.ignored) if name is not None]
+        for recorded in self._recording.messages(topics):
+            boxes = boxes_of_message(self._recording.decode(recorded), recorded.type)
+            found |= {each.class_name for each in boxes}
+        return found
 
     def _vehicle(self, tree: TransformTree, instant: Instant) -> VehicleFrame:
         cloud = cloud_of_message(instant.message, instant.recorded.type, instant.stamp_ns, self._scale)
         boxes, ignored = self._boxes(tree, instant)
-        return VehicleFrame({"lidar": cloud}, boxes, ignored=ignored, map_SE3_base=self._pose(tree, instant))
+        return VehicleFrame(
+            {"lidar": cloud},
+            boxes,
+            ignored=ignored,
+            coverage=self._coverage(tree, instant),
+            map_SE3_base=self._pose(tree, instant),
+        )
 
     def _pose(self, tree: TransformTree, instant: Instant) -> Float64 | None:
         root = tree.root(instant.frame_id)
@@ -119,10 +155,33 @@ class RecordedDrive:
         if self._on_ground:  # CARLA's bridge gives the vehicles' origins, which lie on the ground
             posed = [each if each.class_name == "pedestrian" else each.raised() for each in posed]
         named = [self._in_lidar(tree, instant, each, later_s) for each in posed]
-        return sort_named_boxes([each for each in named if not _is_around_origin(each)], self._classes)
+        uncounted = self._ignored(tree, instant)
+        named += [each for each in uncounted if each.class_name in self._chosen]
+        kept = ignored_boxes([each for each in uncounted if each.class_name not in self._chosen])
+        named = [each for each in named if not _is_around_origin(each)]
+        boxes, ignored = sort_named_boxes(named, self._classes)
+        return boxes, ignored.joined(kept)
+
+    def _ignored(self, tree: TransformTree, instant: Instant) -> list[NamedBox]:
+        """What a bag of advpipe says to count neither way."""
+        if self._topics.ignored is None or instant.uncounting.ignored is None:
+            return []
+        type_name = self._recording.topics[self._topics.ignored].type
+        posed = boxes_of_message(instant.uncounting.ignored, type_name)
+        return [self._in_lidar(tree, instant, each, 0.0) for each in posed]
+
+    def _coverage(self, tree: TransformTree, instant: Instant) -> LabelCoverage:
+        message = instant.uncounting.coverage
+        if message is None:
+            return LabelCoverage()
+        frame_id = str(message.header.frame_id).removeprefix("/") or instant.frame_id
+        return coverage_of(message).transformed(self._lidar_SE3(tree, instant, frame_id))
 
     def _in_lidar(self, tree: TransformTree, instant: Instant, posed: PosedBox, later_s: float) -> NamedBox:
         frame_id = posed.frame_id or instant.frame_id
+        return posed.in_frame(self._lidar_SE3(tree, instant, frame_id), later_s)
+
+    def _lidar_SE3(self, tree: TransformTree, instant: Instant, frame_id: str) -> Float64:
         lidar_SE3_frame = tree.lookup(instant.frame_id, frame_id, instant.stamp_ns)
         if lidar_SE3_frame is None:
             raise AdvpipeError(
@@ -130,7 +189,7 @@ class RecordedDrive:
                 f"{short_repr(instant.frame_id)} within {LONGEST_GAP_NS / 1e9:g} s; record /tf and "
                 "/tf_static, or choose frames that have them (--frames)"
             )
-        return posed.in_frame(lidar_SE3_frame, later_s)
+        return lidar_SE3_frame
 
     def _read_static(self) -> list[tuple[str, str, Float64]]:
         static = []
@@ -198,6 +257,11 @@ class RecordedDrive:
         message = self._recording.decode(recorded)
         if recorded.topic == self._topics.objects:
             labels.append((_stamp_ns(message, recorded), message))
+        elif recorded.topic in (self._topics.ignored, self._topics.coverage):
+            stamp_ns = _stamp_ns(message, recorded)
+            known = self._uncounting.get(stamp_ns, Uncounting())
+            field = "ignored" if recorded.topic == self._topics.ignored else "coverage"
+            self._uncounting[stamp_ns] = known._replace(**{field: message})
         elif recorded.topic == self._topics.odometry:
             pose = build.se3_from_pose(message.pose.pose)
             stamp_ns = _stamp_ns(message, recorded)
@@ -215,10 +279,13 @@ class RecordedDrive:
         tree.forget_before(stamp_ns - 2 * LATENCY_NS)
         while labels and labels[0][0] < stamp_ns - 2 * LATENCY_NS:
             labels.popleft()
+        uncounting = self._uncounting.pop(stamp_ns, Uncounting())
+        for old_ns in [each for each in self._uncounting if each < stamp_ns - 2 * LATENCY_NS]:
+            del self._uncounting[old_ns]
         nearest = min(labels, key=lambda label: abs(label[0] - stamp_ns), default=None)
         if nearest is not None and abs(nearest[0] - stamp_ns) > FARTHEST_LABEL_NS:
             nearest = None
-        return Instant(stamp_ns, frame_id, recorded, message, nearest)
+        return Instant(stamp_ns, frame_id, recorded, message, nearest, uncounting)
 
     @contextmanager
     def _usable(self, recorded: Recorded) -> Iterator[None]:
@@ -244,6 +311,11 @@ class RecordedDrive:
             yield f"base_link is the frame {self._mount.base}; the LiDAR is {height:.2f} m above it, {about}."
         elif height_m is None:
             yield "No transform tells where the LiDAR sits: base_link is at the LiDAR (see --lidar-height)."
+        if self._recording.provenance.get("kind") == "attack":
+            yield "The recording is an adversarial bag of advpipe, and what it holds is taken for clean."
+        if left_out := sorted(set(self._recording.topics) - topics.used - _EXPECTED):
+            more = f" and {len(left_out) - _MOST_NAMED} more" if len(left_out) > _MOST_NAMED else ""
+            yield f"Left out: {', '.join(left_out[:_MOST_NAMED])}{more}."
         if self._on_ground:
             yield "CARLA's bridge gives vehicles' origins on the ground: their boxes are raised onto it."
 

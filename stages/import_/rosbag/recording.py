@@ -57,6 +57,8 @@ class Recording(Protocol):
     """A recording whose files are open only while messages are read."""
 
     path: Path
+    provenance: Mapping[str, str]
+    """Of a bag of advpipe; empty elsewhere."""
 
     @property
     def topics(self) -> Mapping[str, TopicContent]:
@@ -124,6 +126,7 @@ class McapRecording:
 
     def __init__(self, path: Path) -> None:
         self.path, self._reader = path, BagReader(path)
+        self.provenance: Mapping[str, str] = self._reader.provenance
 
     @property
     def topics(self) -> Mapping[str, TopicContent]:
@@ -172,6 +175,7 @@ class RosbagsRecording:
         self, path: Path, readers: Sequence[Rosbag1Reader] | Sequence[Rosbag2Reader], *, is_ros1: bool
     ) -> None:
         self.path, self._readers, self._is_ros1 = path, readers, is_ros1
+        self.provenance: Mapping[str, str] = {}
         self._stores: dict[tuple[str, str], Typestore] = {}
         with self._opened() as connections:
             if len(connections) > _MOST_CONNECTIONS:

@@ -7,9 +7,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
+from advpipe.pipeline.bag.frames import vehicle_topics
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import suggestion
-from advpipe.pipeline.messages.topics import is_truth
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages.topics import SOURCE_FRAME, is_truth
 from advpipe.stages.import_.rosbag.clouds import CLOUD_TYPES
 from advpipe.stages.import_.rosbag.objects import BOX_READERS, MARKERS
 from advpipe.stages.import_.rosbag.recording import TF_OF_ROS1, Recording, TopicContent
@@ -23,19 +25,31 @@ _TRUTH = "ground_truth"
 
 @dataclass(frozen=True)
 class ChosenTopics:
-    """objects, odometry: None where there are no boxes or no poses of that type."""
+    """objects, odometry: None where there are no boxes or no poses of that type.
+
+    ignored, coverage, frame_names: of a bag of advpipe, what counts neither way, where objects are labelled,
+    and what its source called the frames; None elsewhere.
+    """
 
     points: str
     objects: str | None
     moving_tf: tuple[str, ...]
     static_tf: tuple[str, ...]
     odometry: str | None
+    ignored: str | None = None
+    coverage: str | None = None
+    frame_names: str | None = None
 
     @property
     def read(self) -> tuple[str, ...]:
         """All that are read along with the clouds."""
-        others = [name for name in (self.objects, self.odometry) if name is not None]
-        return (self.points, *others, *self.moving_tf)
+        others = (self.objects, self.odometry, self.ignored, self.coverage)
+        return (self.points, *filter(None, others), *self.moving_tf)
+
+    @property
+    def used(self) -> frozenset[str]:
+        """All that an import takes something from."""
+        return frozenset((*self.read, *self.static_tf, *filter(None, [self.frame_names])))
 
     @property
     def has_true_odometry(self) -> bool:
@@ -48,13 +62,20 @@ def choose_topics(recording: Recording, points: str | None, objects: str | None)
     topics = {name: content for name, content in recording.topics.items() if content.messages}
     chosen = _points(recording, topics, points)
     tf = _of_types(topics, _TF_TYPES)
+    own = vehicle_topics(chosen)
     return ChosenTopics(
         chosen,
         _objects(recording, topics, objects, chosen),
         tuple(name for name in tf if not name.endswith("tf_static")),
         tuple(name for name in tf if name.endswith("tf_static")),
         _odometry(_of_types(topics, [ODOMETRY]), chosen),
+        *(_if_there(topics, topic) for topic in (own.ignored_objects, own.label_coverage, SOURCE_FRAME)),
     )
+
+
+def _if_there(topics: Mapping[str, TopicContent], topic: Topic) -> str | None:
+    content = topics.get(topic.name)
+    return topic.name if content is not None and content.type == topic.type else None
 
 
 def _of_types(topics: Mapping[str, TopicContent], types: Collection[str]) -> list[str]:

@@ -98,6 +98,30 @@ def test_a_folder_says_what_is_in_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("inside", "title", "form"),
+    [
+        ("v1.0-mini/scene.json", "nuScenes", "nuscenes"),
+        ("training/velodyne/000000.bin", "KITTI", "kitti"),
+        ("sequences/00/velodyne/000000.bin", "KITTI", "kitti"),
+        ("2011_09_26/2011_09_26_drive_0001_sync/velodyne_points/data/0.bin", "KITTI", "kitti"),
+        ("log/sensors/lidar/1.feather", "Argoverse 2", "av2"),
+        ("2021_08_16/641/000068.pcd", "OPV2V", "opv2v"),
+    ],
+)
+def test_folders_of_other_data_sets_say_how_to_import_them(
+    inside: str, title: str, form: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "drive" / inside
+    file.parent.mkdir(parents=True)
+    file.write_bytes(bytes(16))
+    folder = tmp_path / "drive"
+    assert refusal(folder) == (
+        f"{folder} is not a bag but looks like {title}; make a data set of it with "
+        f"`advpipe import {form} {folder} --out datasets/drive`"
+    )
+
+
+@pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
         (
@@ -108,6 +132,10 @@ def test_a_folder_says_what_is_in_it(tmp_path: Path) -> None:
         ("old.bag", b"#ROSBAG V2.0\n", "old.bag is a ROS 1 bag; `advpipe import rosbag "),
         ("0.db3", b"SQLite format 3\0", "0.db3 is the SQLite database of a ROS 2 bag"),
         ("renamed.mcap", b"SQLite format 3\0", "renamed.mcap is the SQLite database of a ROS 2 bag"),
+        ("0.pcd", b"# .PCD v0.7\n", "0.pcd is one point cloud; make a data set of its folder with `advpipe "),
+        ("0.ply", b"ply\nformat ascii 1.0\n", "0.ply is one point cloud; make a data set of its folder "),
+        ("0.npy", b"\x93NUMPY\x01\0", "0.npy is one point cloud; make a data set of its folder with "),
+        ("odd.pcd", b"\0" * 20, "is not an MCAP file"),
         ("odd.bin", bytes(161), "is not an MCAP file"),
         ("empty.bin", b"", "is empty, not an MCAP file"),
     ],

@@ -31,7 +31,7 @@ def test_what_is_in_a_bag(tmp_path: Path, record: Record, capsys: pytest.Capture
     assert json.loads(description.to_json())["messages"] == 42
     description.print()
     printed = capsys.readouterr().out
-    assert "1 road users, 5 boxes" in printed
+    assert "1 road user, 5 boxes" in printed
     assert "valid; they cover 1 of 1 chunks, 1 of 1 data sections" in printed
 
 

@@ -1,9 +1,10 @@
-"""A hostile data set: escape sequences in its folder, in the name of a topic and in the provenance."""
+"""A hostile data set, with escape sequences in names and in the provenance, and commands that are killed."""
 
 from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from advpipe.pipeline.cli import app
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from forked import Forks
 from hostile_set import ESCAPES, FOLDER, SHORT, TOPIC, Done, Run
 
 
@@ -57,3 +59,11 @@ def run(
         return Done(int(ended.value.code or 0), out, without_progress(errors))
 
     return run
+
+
+@pytest.fixture(scope="session")
+def forks() -> Iterator[Forks]:
+    """Runs commands that load no library anew; only files of cli/ that ask for it pay for its start."""
+    forks = Forks([str(Path(__file__).parent)])
+    yield forks
+    forks.close()

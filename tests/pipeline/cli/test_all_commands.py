@@ -77,32 +77,30 @@ GOOD = {"verify": (0, 1)}
 SLOW = ("attack", "evaluate", "run", "train", "sweep")
 
 
-@pytest.mark.parametrize("command", RESULTS)
-def test_results(run: Run, command: str) -> None:
-    """For people, spelt out; then for programs, one strict document and nothing else."""
-    arguments, key = RESULTS[command]
-    again = (
-        ["--overwrite"]
-        if command not in ("attacks", "unpack", "inspect", "recover", "verify", "clean")
-        else []
-    )
-    done = run(*arguments)
-    good = GOOD.get(command, (0,))
-    assert done.code in good, done.errors
+BY_NIGHT = [pytest.param(one, marks=[pytest.mark.nightly] if one in SLOW else []) for one in RESULTS]
+
+
+@pytest.mark.parametrize("command", BY_NIGHT)
+def test_results_for_people(run: Run, command: str) -> None:
+    """Spelt out."""
+    done = run(*RESULTS[command][0])
+    assert done.code in GOOD.get(command, (0,)), done.errors
     assert done.out
     assert_harmless(done)
-    if command == "unpack":
-        arguments = [*arguments[:-1], "{out}/again"]
-    done = run(*arguments, *again, "--json")
-    assert done.code in good, done.errors
+
+
+@pytest.mark.parametrize("command", RESULTS)
+def test_results_for_programs(run: Run, command: str) -> None:
+    """One strict document and nothing else."""
+    arguments, key = RESULTS[command]
+    done = run(*arguments, "--json")
+    assert done.code in GOOD.get(command, (0,)), done.errors
     document = json.loads(done.out, parse_constant=refuse_constant)
     assert key in document
     assert_harmless(done)
 
 
-@pytest.mark.parametrize(
-    "command", [pytest.param(one, marks=[pytest.mark.nightly] if one in SLOW else []) for one in RESULTS]
-)
+@pytest.mark.parametrize("command", BY_NIGHT)
 def test_quiet(run: Run, command: str) -> None:
     done = run(*RESULTS[command][0], "--quiet")
     assert (done.code in GOOD.get(command, (0,)), done.out, done.errors) == (True, "", "")

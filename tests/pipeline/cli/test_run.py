@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.cli.run import run
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
 SCENARIO = """
 name: tiny
@@ -56,6 +56,10 @@ def test_all_stages_and_again(
     ]
     assert stamps(made) == before
 
+    # Clouds presented otherwise are another report, and another attack.
+    with pytest.raises(UsageError, match="fewer_points was made with other"):
+        run(str(scenario), made, lidar_height_m=2.0)
+
     # Other code would report otherwise.
     with monkeypatch.context() as other:
         other.setattr("advpipe.pipeline.campaigns.run.code_sha256", lambda *parts: "7" * 64)
@@ -99,8 +103,23 @@ def test_all_stages_and_again(
         ("{a: {type: detach, parameters: {ratio: 2}}}", "ratio is 2"),
         ("{a: {type: cam-dos, parameters: {rate: 2}}}", "cam-dos: unknown parameter 'rate'"),
         (
-            "{a: {type: detatch}, b: {type: detach}, c: {type: cam-drop}}",
-            r"^2 mistakes: \(1\) attacks.a: unknown attack .*; \(2\) attacks.b: detach: ratio is missing",
+            "{a: {type: detatch}, b: {type: detach, recipe: bets}, c: {type: cam-drop}}",
+            r": 3 mistakes: \(1\) attacks.a \(line \d+\): unknown attack .*; "
+            r"\(2\) attacks.b \(line \d+\): detach: ratio is missing; add it to `parameters`; "
+            r"\(3\) attacks.b .*recipe",
+        ),
+        (  # those of the schema in the same round, and each with its place
+            "{a: [{type: detach, parameters: {ration: 1%, rounds: x}}, "
+            "{type: cam-drop, recipe: best, lidr: 1}]}",
+            r": 4 mistakes: \(1\) attacks.a\[1\].lidr \(line \d+\): cam-drop: unknown key; "
+            r"did you mean 'lidar'.*; "
+            r"\(2\) attacks.a\[0\] \(line \d+\): detach: unknown parameter 'ration'.*; "
+            r"\(3\) attacks.a\[0\] \(line \d+\): detach: rounds is 'x'.*; "
+            r"\(4\) attacks.a\[1\] \(line \d+\): cam-drop has no use for recipe",
+        ),
+        (
+            "{a: [{type: cam-drop}, {type: gnss-jump, victim: he}]}",
+            r"attacks.a\[1\] \(line \d+\): gnss-jump names the victim 'he'",
         ),
     ],
 )

@@ -24,7 +24,7 @@ from advpipe.pipeline.campaigns.sweep.tables import NOT_RUN
 from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.evaluate.report.wording import RANDOM_BEST
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES
 from advpipe.stages.evaluate.run import Options, evaluate
 
 # 1 % of 600 points are six, so that one of the car's seven is left; 1.5 % are nine.
@@ -53,7 +53,7 @@ def test_one_point_decides(swept: Path) -> None:
     rows = {cell.budget: cell.row for cell in Store(swept).cells()}
     attacked = [figures for name in ("detach-1", "detach-1.5") if (figures := rows[name].attacked)]
     assert [figures.map_ratio_percent for figures in attacked] == [100.0, 0.0]
-    fewer = "The random baselines are the best of 1, the attack is the best of 13 tries."
+    fewer = "Fewer tries than the attack's 13: random-best, 1 try."
     assert all(fewer in row.notes for row in rows.values())
     assert [figures.points_removed for figures in attacked] == [6 * 6, 6 * 9]
     (draws,) = {cell.map_ratio_draws for cell in Store(swept).cells() if cell.budget == "detach-1.5"}
@@ -93,7 +93,7 @@ def test_tables_hold_the_figures_of_the_cells(swept: Path) -> None:
     assert about["commits"] == [commit for commit in [source_commit()] if commit]
     assert set(about["bags_sha256"]) == {"detach-1", "detach-1.5"}
     page = (swept / "report.html").read_text()
-    assert page.count(NOT_RUN) == 16 + 2 * 2  # of Table II and, two columns each, of Table I
+    assert page.count(NOT_RUN) == 16 + 2 * 3  # of Table II and, three columns each, of Table I
     assert "<td>1.5 %, best</td><td>88.75</td><td>0.13397</td><td>0.00</td>" in page
     assert 'src="data:image/png;base64,' in page
     assert not any(text in page for text in ('src="http', 'href="', str(swept)))
@@ -108,8 +108,8 @@ def test_the_page_begins_with_what_is_known_of_the_map(swept: Path) -> None:
     ]
     page = (swept / "report.html").read_text()
     assert page.index('<p class="banner" role="alert">Training map unknown') < page.index("<h1>")
-    assert RANDOM_BEST in report["caveats"]
-    for head in ("strongest plain random: ratio %", "significant", "lost, loose", "score at least"):
+    assert ABOUT_BASELINES in report["caveats"]
+    for head in ("random baseline: strict ratio %", "significant", "lost, loose", "score at least"):
         assert f"<th>{head}</th>" in page
 
 

@@ -46,7 +46,7 @@ def test_every_number_is_bounded_on_both_sides() -> None:
 ODD = {
     "sensors.lidars.lidar.x_m=1e30": r"x_m: .*less than or equal to 20, not 1e\+30",
     "sensors.lidars.lidar.range=1e-300": "range: .*greater than or equal to 1, not 1e-300",
-    "environment.objects=[{mesh: a.ply, x_m: 1e30}]": r"objects\.0\.x_m: .*less than or equal to 100000",
+    "environment.objects=[{mesh: a.ply, x_m: 1e30}]": r"objects\[0\]\.x_m: .*less than or equal to 100000",
     "environment.objects=[{mesh: a.ply, yaw_rad: 90}]": r"yaw_rad: .*less than or equal to 6\.3",
     "sensors.gnss.rate_hz=1e-300": r"rate_hz: .*equal to 0\.001",
     "simulation.duration_s=true": "duration_s: Input should be a valid number, not True",

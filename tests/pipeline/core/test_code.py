@@ -35,6 +35,7 @@ NO_FIGURE = {
     "pipeline/core/jobs.py",
     "pipeline/core/leftover_names.py",
     "pipeline/core/lock.py",
+    "pipeline/core/lidar_height.py",
     "pipeline/core/nearest.py",
     "pipeline/core/options.py",
     "pipeline/core/partial.py",

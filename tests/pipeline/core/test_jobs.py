@@ -71,6 +71,18 @@ def test_results_are_in_the_order_of_the_jobs(prepare: partial[Work], workers: i
     assert map_jobs(partial(prepare, None), [], "squares", workers) == []
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system ties no process to a core")
+def test_no_more_processes_than_cores(prepare: partial[Work], tmp_path: Path) -> None:
+    """Of those that this process may use: batch systems lend some of a machine's."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(before)})
+    try:
+        run_jobs(partial(prepare, None), range(12), "squares")
+    finally:
+        os.sched_setaffinity(0, before)
+    assert [path.name for path in (tmp_path / "out").glob("process-*")] == [f"process-{os.getpid()}"]
+
+
 def test_few_jobs_start_no_process(prepare: partial[Work], tmp_path: Path) -> None:
     run_jobs(partial(prepare, None), [1, 2], "squares", 2)
     assert (tmp_path / "out" / f"process-{os.getpid()}").exists()

@@ -222,7 +222,7 @@ def test_mistakes() -> None:
     Adaptation(scale_intensity=0.1).check(Silent(), "mine")
     with pytest.raises(UsageError, match=r"Wrong.expected_input is 1.8"):
         Adaptation(level=True).check(Wrong(), "mine")
-    with pytest.raises(UsageError, match="lidar_height_m is 0, but must be above 0"):
+    with pytest.raises(UsageError, match=r"lidar_height_m is 0, but must be 0\.3 to 10"):
         Adaptation(0.0)
     with pytest.raises(UsageError, match="scale_intensity is -1"):
         Adaptation(scale_intensity=-1.0)

@@ -127,9 +127,11 @@ def test_the_resolved_scenario_does_not_contain_attacks(tmp_path: Path) -> None:
 
 
 BAD = {
-    "attacks:\n  x:\n    type: detach\n    tpye: 3\n": r"tpye \(line 7\): unknown key; did you mean 'type'",
+    "attacks:\n  x:\n    type: detach\n    tpye: 3\n": (
+        r"tpye \(line 7\): detach: unknown key; did you mean 'type'"
+    ),
     "attacks:\n  x:\n    - type: detach\n    - type: cam-dos\n      schedule: {from: 3}\n": (
-        r"from \(line 8\): unknown key; did you mean 'from_s'"
+        r"from \(line 8\): cam-dos: unknown key; did you mean 'from_s'"
     ),
     "attacks:\n  x: []\n": r"attacks\.x \(line 5\): lists no attack",
     "attacks:\n  x: 3\n": r"attacks\.x \(line 5\): ",

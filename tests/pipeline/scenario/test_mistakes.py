@@ -36,8 +36,20 @@ def test_several_are_numbered(tmp_path: Path) -> None:
 
 def test_parameters_of_an_attack_have_their_place(tmp_path: Path) -> None:
     line = refusal(tmp_path, "attacks: {a: {type: detach, ratio: 1%}}\n")
-    assert line.startswith("attacks.a.0.ratio (line 3): unknown key; known: type, recipe, parameters, ")
+    known = "unknown key; known: type, recipe, parameters, "
+    assert line.startswith(f"attacks.a.ratio (line 3): detach: {known}")
     assert line.endswith("; an attack's own go into `parameters`")
+
+
+def test_those_between_sections_come_at_once(tmp_path: Path) -> None:
+    text = (
+        "traffic: {mix: {tank: 1}}\nattacks:\n"
+        "  a:\n  - {type: x, victim: he}\n  - {type: y, schedule: {from_s: 9000}}\n"
+    )
+    line = refusal(tmp_path, text)
+    assert line.startswith("3 mistakes: (1) traffic.mix.tank is not a known body; ")
+    assert "; (2) attacks.a[0] (line 6): x names the victim 'he', which is not one of the vehicles" in line
+    assert "; (3) attacks.a[1] (line 7): y begins at 9000 s, but the recording ends at " in line
 
 
 def test_one_is_not_numbered(tmp_path: Path) -> None:

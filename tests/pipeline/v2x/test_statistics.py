@@ -68,7 +68,7 @@ def test_statistics_equal_values_computed_by_hand() -> None:
 
 def test_the_summary_names_rates_delivery_and_load() -> None:
     assert counted().lines() == [
-        ("CAMs", "3 of 1 stations"),
+        ("CAMs", "3 of 1 station"),
         ("CAM rate", "5.0 Hz on average, 5.0 to 5.0 Hz"),
         ("packets delivered", "50 % at 50 to 100 m"),
         ("channel busy", "20.0 % on average, 30.0 % at most"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -89,3 +90,10 @@ def test_plain_is_json() -> None:
     for entry in catalogue():
         assert json.loads(json.dumps(entry.plain()))["name"] == entry.name
     assert issubclass(North, Attack)
+
+
+def test_texts_hold_no_names_of_classes() -> None:
+    """Users know attacks by the names that they type."""
+    for entry in catalogue():
+        texts = (entry.summary, entry.recipe, *(one.help for one in entry.parameters))
+        assert not any(re.search(r"`[A-Z][a-z]+[A-Z]\w*`", text) for text in texts), entry.name

@@ -166,5 +166,5 @@ def test_recipes_that_need_no_truth_do_without(without_truth, tmp_path):
 def test_frames_without_an_object_are_a_success_with_a_warning(clean_bag, tmp_path, capsys):
     summary = attack(clean_bag, tmp_path / "adv", AttackRequest((detach(recipe="best", frames="4:5"),)))
     (warning,) = summary.warnings
-    assert re.search(r"no cloud of .*adv was changed: no object to hide .* \(1 of 1 frames\)", warning)
+    assert re.search(r"no cloud of .*adv was changed: no object to hide .* \(1 of 1 frame\)", warning)
     assert f"warning: {warning}\n" in capsys.readouterr().err

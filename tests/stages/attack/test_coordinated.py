@@ -150,6 +150,7 @@ def test_messages_alone_need_no_clouds_and_keep_all(drive, tmp_path):
     assert yaml.safe_load((tmp_path / "adv" / "attack.yaml").read_text())["frames"] == "0::1"
 
 
+@pytest.mark.nightly  # test_run.py has each of these for an attack on clouds alone
 def test_same_bytes_in_one_go_in_pieces_and_on_two_workers(drive, tmp_path, monkeypatch):
     monkeypatch.setattr("advpipe.pipeline.core.jobs.JOBS_WORTH_A_WORKER", 1)
     request = AttackRequest((detach(frames="::10"), SPEED, GPS), 7)

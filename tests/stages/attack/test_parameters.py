@@ -12,7 +12,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack import parameters as parameters_of
 from advpipe.stages.attack.gnss.base import GnssAttack, GnssTraits
 from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarTraits
-from advpipe.stages.attack.lidar.build import build_lidar_attack, query_budget_of
+from advpipe.stages.attack.lidar.build import build_lidar_attack, count_of
 from advpipe.stages.attack.plugin import source_sha256
 from advpipe.stages.attack.registry import ATTACKS, find_attack
 
@@ -244,16 +244,16 @@ def test_what_a_recipe_would_pass_over_is_refused(attack, recipe, parameters, li
 def test_the_query_budget_of_attacks():
     def queries(attack, recipe, **parameters):
         spec = AttackSpec(type=attack, recipe=recipe, parameters=parameters)
-        return query_budget_of(build_lidar_attack(spec))
+        return count_of(build_lidar_attack(spec), "query_budget")
 
     assert queries("perturb", "best", eps_cm=1.0) == queries("perturb", "random-best", eps_cm=1.0) == 24
     assert queries("perturb", "robust", eps_cm=1.0, steps=7) == 7
     assert queries("perturb", "paper", eps_cm=1.0) == queries("attach", "paper", eps_m=1.0) == 1
     assert queries("detach", "best", ratio=0.1) == queries("attach", "best", eps_m=1.0) == 10 + 3
-    assert query_budget_of(build_lidar_attack(mine(size_m=2))) is None
+    assert count_of(build_lidar_attack(mine(size_m=2)), "query_budget") is None
     wrong = build_lidar_attack(AttackSpec(type="my_own:Judging", parameters={"size_m": 1}))
     with pytest.raises(AdvpipeError, match=r"Judging: query_budget is 2\.5, but must be a whole number"):
-        query_budget_of(wrong)
+        count_of(wrong, "query_budget")
 
 
 @pytest.mark.parametrize(

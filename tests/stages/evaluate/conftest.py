@@ -20,6 +20,13 @@ def clean(tmp_path_factory):
 
 
 @pytest.fixture
+def no_pictures(monkeypatch):
+    """For tests of figures and tables: the pictures of each bag take half the time of a small evaluation."""
+    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_, **__: ())
+    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._clean_pictures", lambda *_, **__: ())
+
+
+@pytest.fixture
 def attacked(clean, tmp_path):
     """Make an adversarial bag of a change to the clouds."""
     return _attacked_in(clean, tmp_path)

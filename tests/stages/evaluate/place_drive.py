@@ -12,8 +12,8 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr, xyz
 from advpipe.pipeline.messages.topics import VehicleTopics
 
-FRAMES = 24  # at 2 Hz: 12 s, two blocks
-PERIOD_NS = 500_000_000
+FRAMES = 18  # 12.6 s: two blocks; of cars, the 50 boxes that make a class count
+PERIOD_NS = 700_000_000
 PLACES = np.array(
     [
         [10.0, 3.0, 0.0, 4.0, 2.0, 1.5, 0.2],  # three cars ...

@@ -19,12 +19,10 @@ from advpipe.stages.evaluate.run import print_report
 
 evaluate = partial(evaluate_with, detector=DETECTOR)
 KEEN = "place_drive:KeenDetector"
+SLOW_PERIOD_NS = 1_700_000_000
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    """Frames are drawn by other tests."""
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")  # other tests draw them
 
 
 def document(out):
@@ -47,11 +45,28 @@ def empty_first_car(cloud):
     return cloud[57:]
 
 
-def test_an_attack_significantly_stronger_than_every_baseline(clean, attacked, tmp_path, capsys):
-    report = evaluate(clean, [attacked(hide_first_car)], tmp_path / "report", baseline_tries=3)
+@pytest.fixture
+def slow_clean(monkeypatch, tmp_path):
+    """A cloud each 1.7 s: 30 s, six blocks, for which there are intervals."""
+    monkeypatch.setattr("place_drive.PERIOD_NS", SLOW_PERIOD_NS)
+    clouds = {index: clean_cloud(index) for index in range(FRAMES)}
+    return write_bag(tmp_path / "slow", {"kind": "clean"}, clouds)
+
+
+def attacked_beside(clean, change, **provenance):
+    about = {"kind": "attack", "attack": "detach", "recipe": "best", "parent_sha256": parent_sha256(clean)}
+    about |= {"parameters": json.dumps({"ratio": 0.014, "rounds": 10}), **provenance}
+    clouds = {index: change(clean_cloud(index)) for index in range(FRAMES)}
+    return write_bag(clean.parent / "attacked", about, clouds)
+
+
+def test_an_attack_significantly_stronger_than_every_baseline(slow_clean, tmp_path, capsys):
+    bag = attacked_beside(slow_clean, hide_first_car)
+    report = evaluate(slow_clean, [bag], tmp_path / "report", baseline_tries=1)
     (row,) = rows(tmp_path / "report")
-    assert row["baselines"] == ["baseline", "baseline_best", "baseline_near", "baseline_near_best"]
-    assert row["baseline_map_ratio_percent"] == row["baseline_best_map_ratio_percent"] == 100.0
+    assert row["blocks"] == 6
+    assert row["baselines"] == ["random_best", "baseline", "baseline_near"]
+    assert row["baseline_map_ratio_percent"] == 100.0
     # near objects, 45 of the 234 points there: some are hidden by chance now and then, never one in three
     assert row["map_ratio_percent"] == 65.0
     for baseline in row["baselines"]:
@@ -62,21 +77,55 @@ def test_an_attack_significantly_stronger_than_every_baseline(clean, attacked, t
     assert row["significant_vs_random"] is True
     records = document(tmp_path / "report")["baselines"]
     assert [record["baseline"] for record in records] == row["baselines"]
-    assert document(tmp_path / "report")["provenance"]["baseline_tries"] == 3
+    assert document(tmp_path / "report")["provenance"]["baseline_tries"] == 1
     print_report(report)
-    assert "Significant against plain random: yes." in unwrapped(capsys)
+    printed = unwrapped(capsys)
+    assert "Δ of the mAP ratio to random-best, 1 try: " in printed
+    assert "Significant: yes." in printed
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert '95 % interval <span class="unbroken">65.0…65.0</span>'.replace("5 %", "5\u00a0%") in page
+    assert "\\u20" not in page[page.index("<main>") : page.index("<details")]
 
 
-def test_an_attack_that_does_nothing_is_reported_as_such(clean, attacked, tmp_path, capsys):
-    report = evaluate(clean, [attacked(lambda cloud: cloud[:-45])], tmp_path / "report")  # of the ground
+def test_random_best_hides_as_many_as_an_attack_that_takes_any_points_of_a_car(slow_clean, tmp_path):
+    """Three judged tries find that 45 points of any one car hide it: stronger than each plain draw."""
+    bag = attacked_beside(slow_clean, hide_first_car, looks="5")
+    evaluate(slow_clean, [bag], tmp_path / "report", baseline_tries=3)
+    (row,) = rows(tmp_path / "report")
+    assert row["random_best_lost_objects"] >= row["lost_objects"] == FRAMES
+    assert row["random_best_map_ratio_percent"] < row["baseline_near_map_ratio_percent"]
+    assert row["significant_vs_random"] is row["significant_vs_random_best"] is False
+    assert row["significant_vs_baseline"] is True
+    assert "Fewer tries than the attack's 5: random-best, 3 tries." in row["notes"]
+    assert "Not significantly stronger than random-best, 3 tries." in row["notes"]
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "random-best, 3 tries (the attack 5), which spends the same budget randomly, leaves" in page
+
+
+def test_an_attack_that_does_nothing_is_reported_as_such(slow_clean, tmp_path, capsys):
+    bag = attacked_beside(slow_clean, lambda cloud: cloud[:-45])  # of the ground
+    report = evaluate(slow_clean, [bag], tmp_path / "report")
     (row,) = rows(tmp_path / "report")
     assert row["map_ratio_percent"] == 100.0
     assert row["significant_vs_random"] is False
-    assert any(
-        "Not significantly stronger than the same budget spent randomly" in note for note in row["notes"]
-    )
+    assert "Not significantly stronger than random-best, 1 try." in row["notes"]
     print_report(report)
-    assert "Significant against plain random: no." in unwrapped(capsys)
+    assert "Significant: no." in unwrapped(capsys)
+
+
+def test_without_an_interval_nothing_is_said_of_significance(clean, attacked, tmp_path, capsys):
+    """Twelve seconds are three blocks: too few for an interval, and so for what rests on one."""
+    report = evaluate(clean, [attacked(hide_first_car)], tmp_path / "report")
+    (row,) = rows(tmp_path / "report")
+    assert row["map_ratio_percent"] == 65.0
+    assert row["significant_vs_random"] is None
+    assert {row[f"significant_vs_{baseline}"] for baseline in row["baselines"]} == {None}
+    assert {each["significant"] for each in document(tmp_path / "report")["baselines"]} == {None}
+    assert not any("significant" in note for note in row["notes"])
+    print_report(report)
+    assert "Significant" not in unwrapped(capsys)
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Significant against" not in page
 
 
 def test_moved_points(clean, attacked, tmp_path):
@@ -84,7 +133,7 @@ def test_moved_points(clean, attacked, tmp_path):
     bag = attacked(move_first_car, parameters=json.dumps({"eps_cm": 600}), attack="perturb")
     evaluate(clean, [bag], tmp_path / "report")
     (row,) = rows(tmp_path / "report")
-    assert row["baselines"] == ["baseline", "baseline_near", "baseline_full"]
+    assert row["baselines"] == ["random_best", "baseline", "baseline_near", "baseline_full"]
     assert (row["parameter"], row["value"]) == ("eps_cm", 600)
     for prefix in ("", "baseline_", "baseline_near_"):
         assert row[f"{prefix}points_moved"] == 60 * FRAMES
@@ -93,6 +142,9 @@ def test_moved_points(clean, attacked, tmp_path):
     assert row["baseline_full_max_displacement_m"] <= 6.0
     assert row["rms_displacement_m"] == pytest.approx(6.0, abs=1e-5)
     assert row["median_displacement_m"] == pytest.approx(row["p95_displacement_m"])
+    assert row["points_off_ray"] == 60 * FRAMES
+    assert row["at_face_percent"] is row["at_face_clean_percent"] is None  # a detector without voxels
+    assert f"{60 * FRAMES:,} (100.0 %)" in (tmp_path / "report" / "report.html").read_text()
 
 
 def test_attack_success_by_class_and_range(clean, attacked, tmp_path):
@@ -165,7 +217,7 @@ def test_results_say_what_was_lost(clean, attacked, tmp_path):
     evaluate(clean, [bag], tmp_path / "report", defences=["flip"])
     lines = pq.read_table(str(tmp_path / "report" / "results.parquet")).to_pylist()
     assert {line["cloud"] for line in lines} == {
-        "clean", "adv", "baseline", "baseline_near", "clean under flip", "adv under flip",
+        "clean", "adv", "random_best", "baseline", "baseline_near", "clean under flip", "adv under flip",
     }  # fmt: skip
     assert {line["detector"] for line in lines} == {DETECTOR}
     lost = [line for line in lines if line["is_lost"]]
@@ -240,8 +292,8 @@ def test_transfer_matrix(clean, attacked, tmp_path, capsys):
 
 
 def test_chosen_frames_of_chosen_frames(clean, attacked, tmp_path):
-    """The bag holds every second frame from 4 to 18; of those, every fourth one of the drive is asked for."""
-    part = attacked(hide_first_car, frames=range(4, 20, 2), slice="4:20:2")
+    """The bag holds every second frame from 4 to 16; of those, every fourth one of the drive is asked for."""
+    part = attacked(hide_first_car, frames=range(4, 18, 2), slice="4:18:2")
     evaluate(clean, [part], tmp_path / "report", frames=FrameSlice(0, None, 4))
     (row,) = rows(tmp_path / "report")
     assert row["frames"] == 4
@@ -307,13 +359,15 @@ def test_a_real_report_keeps_to_the_published_schema(clean, attacked, tmp_path):
     """With baselines, a defence, two detectors and so transfer; and one of the clean bag alone."""
     bags = [attacked(hide_first_car)]
     out = tmp_path / "report"
-    evaluate(clean, bags, out, detector=[DETECTOR, KEEN], defences=["flip"], baseline_tries=2)
-    evaluate(clean, [], tmp_path / "alone", defences=["flip"])
+    some = FrameSlice(0, None, 3)  # still two blocks, and so intervals
+    evaluate(clean, bags, out, detector=[DETECTOR, KEEN], defences=["flip"], baseline_tries=2, frames=some)
+    evaluate(clean, [], tmp_path / "alone", defences=["flip"], frames=some)
     validator = Draft202012Validator(report_schema())
     for folder in (out, tmp_path / "alone"):
         report = json.loads((folder / "report.json").read_text())
         assert report["schema"] == "advpipe-report-2"
         assert [error.message for error in validator.iter_errors(report)] == []
         assert report["deprecated_keys"]["beats_random"] == "significant_vs_random"
+        assert report["rows"][0]["blocks"] == 2
         assert report["rows"][0]["beats_random"] is report["rows"][0]["significant_vs_random"]
     assert {"attack_success", "baselines", "defences"} <= json.loads((out / "report.json").read_text()).keys()

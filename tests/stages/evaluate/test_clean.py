@@ -22,7 +22,7 @@ from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import CLOCK, VehicleTopics
 from advpipe.pipeline.messages.types import typestore
 
-FRAMES, PERIOD_NS = 24, 500_000_000  # 12 s: two blocks
+FRAMES, PERIOD_NS = 12, 1_000_000_000  # two blocks
 EGO = VehicleTopics("ego")
 SIZES = np.array([[4.0, 2.0, 1.5], [8.0, 2.5, 3.0], [1.8, 0.7, 1.7], [0.8, 0.8, 1.8]])
 

@@ -34,6 +34,7 @@ def test_what_stands_for_it() -> None:
     assert formatted_ratio(41.2, 0.5, 1) == "41.2"
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_a_report_says_why(clean, attacked, tmp_path, capsys) -> None:
     """A detector that finds one object a frame, after forty false ones."""
     bag = attacked(hide_first_car, frames=range(2))

@@ -125,7 +125,7 @@ def test_no_tries_are_refused(clean, tmp_path):
 
 
 def test_frames_that_there_are_not_are_refused(clean, attacked, tmp_path):
-    refused(tmp_path, "select none of the bag's 24 frames", clean, [], frames=FrameSlice(30, 40))
+    refused(tmp_path, f"select none of the bag's {FRAMES} frames", clean, [], frames=FrameSlice(30, 40))
     bag = attacked(hide_first_car, frames=range(2))
     refused(tmp_path, "holds none of the frames 10:12:1", clean, [bag], frames=FrameSlice(10, 12))
 
@@ -138,7 +138,7 @@ def test_no_bag_is_hashed_to_refuse_what_can_be_refused_at_once(clean, attacked,
     monkeypatch.setattr(run, "parent_sha256", hashed)
     refused(tmp_path, "unknown detector 'huge'", clean, [bag], detector="huge")
     refused(tmp_path, "is an adversarial bag", bag, [])
-    refused(tmp_path, "select none of the bag's 24 frames", clean, [bag], frames=FrameSlice(30, 40))
+    refused(tmp_path, f"select none of the bag's {FRAMES} frames", clean, [bag], frames=FrameSlice(30, 40))
     (tmp_path / "report").mkdir()
     with pytest.raises(OutputExistsError):
         evaluate(clean, [bag], tmp_path / "report", detector=DETECTOR)

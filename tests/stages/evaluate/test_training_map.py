@@ -12,9 +12,7 @@ from advpipe.stages.evaluate.run import print_report
 BANNER = "Training map: the detector map_detectors:TrainedHere was trained on drives on this map."
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 @pytest.fixture(scope="module")

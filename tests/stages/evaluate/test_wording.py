@@ -10,8 +10,8 @@ from scored import evaluate
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import xyz
-from advpipe.stages.evaluate.report.terminal import SHORT_RANDOM_BEST, SHORT_WHITE_BOX
-from advpipe.stages.evaluate.report.wording import RANDOM_BEST, WHITE_BOX
+from advpipe.stages.evaluate.report.terminal import SHORT_BASELINES, SHORT_WHITE_BOX
+from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, WHITE_BOX
 from advpipe.stages.evaluate.run import print_report
 
 
@@ -32,9 +32,7 @@ class MisplacingDetector(PlaceDetector):
         return Detections(boxes, found.scores, found.labels)
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 def text_of(page):
@@ -51,15 +49,19 @@ def test_both_overlaps_and_the_score_stand_where_lost_stands(clean, attacked, tm
         for each in json.loads((tmp_path / "report" / "report.json").read_text())["attack_success"]
         if (each["condition"], each["class"], each["range"]) == ("adv", "all", "all")
     ]
-    assert (whole["found_clean"], whole["lost"], whole["attack_success_percent"]) == (4 * FRAMES, 0, 0.0)
-    assert (whole["strict_found_clean"], whole["strict_lost"]) == (4 * FRAMES, FRAMES)
+    found = 4 * FRAMES
+    assert (whole["found_clean"], whole["lost"], whole["attack_success_percent"]) == (found, 0, 0.0)
+    assert (whole["strict_found_clean"], whole["strict_lost"]) == (found, FRAMES)
     assert whole["strict_attack_success_percent"] == 25.0
     assert whole["strict_attack_success_ci95"] == [25.0, 25.0]
     assert whole["min_score"] == row["working_score"] == pytest.approx(0.15)  # half of the lowest
     print_report(report)
     printed = text_of(capsys.readouterr().out)
     assert "at loose overlap and a score of at least 0.15" in printed
-    assert "the detector loses 24 of 96 (25.0 %) at strict overlap, 0 of 96 (0.0 %) at loose" in printed
+    assert (
+        f"the detector loses {FRAMES} of {found} (25.0 %) at strict overlap, 0 of {found} (0.0 %) at loose"
+        in printed
+    )
     page = text_of((tmp_path / "report" / "report.html").read_text())
     assert "missed here, at loose overlap and a score of at least 0.15; new FP" in page
     assert ">strict: lost of found</a></th>" in page
@@ -71,7 +73,7 @@ def test_both_overlaps_and_the_score_stand_where_lost_stands(clean, attacked, tm
     ]
     assert (effect["lost_objects"], effect["displaced_objects"]) == (0, FRAMES)
     assert effect["displaced_percent"] == 25.0
-    assert "0 of 96 found objects are not found any more; 24 more are displaced" in page
+    assert f"0 of {found} found objects are not found any more; {FRAMES} more are displaced" in page
     assert "with a score of at least 0.15, and by the overlap in the column&#39;s head" in page
 
 
@@ -84,15 +86,15 @@ def test_the_baselines_are_called_what_they_are(clean, attacked, tmp_path, capsy
     page = text_of((tmp_path / "report" / "report.html").read_text())
     for tag in ("<code>", "</code>"):
         page = page.replace(tag, "`")
-    assert SHORT_RANDOM_BEST in printed
+    assert SHORT_BASELINES in printed
     assert SHORT_WHITE_BOX in printed
-    assert RANDOM_BEST in page.replace("&#39;", "'")
+    assert ABOUT_BASELINES in page.replace("&#39;", "'")
     assert WHITE_BOX in page.replace("&#39;", "'")
     for text in (printed, page.replace("&#39;", "'")):
-        assert "(the strongest plain random baseline)" in text
-        assert "Significant against plain random: yes." in text
+        assert "Δ of the mAP ratio to random-best, 1 try: " in text
+        assert "Significant" not in text  # of three blocks nothing is said
     document = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert "random-best, which is stronger" in document["formulas"]["significant_vs_random"]
+    assert "random-best lies below 0" in document["formulas"]["significant_vs_random"]
     assert "true boxes" in document["formulas"]["white_box"]
 
 

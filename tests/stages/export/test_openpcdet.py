@@ -34,9 +34,9 @@ def test_ignored_objects_keep_their_class(tmp_path):
     root = write_object_frames(tmp_path / "kitti")
     data_set = import_drive(ImportRequest("kitti", root, ImportOptions()), tmp_path / "d").data_set
     summary = export_bags(data_set, "openpcdet", tmp_path / "out")
-    lines = (tmp_path / "out" / "clean" / "labels" / "000000.txt").read_text().splitlines()
+    lines = (tmp_path / "out" / "clean" / "labels" / "000003.txt").read_text().splitlines()
     assert [line.split()[-1] for line in lines] == ["Car", "Van"]
-    assert (tmp_path / "out" / "clean" / "ImageSets" / "val.txt").read_text() == "000001\n"
+    assert (tmp_path / "out" / "clean" / "ImageSets" / "val.txt").read_text() == "000007\n"
     assert "under which licence" in summary.notes[-1]
     assert yaml.safe_load((tmp_path / "out" / "source.yaml").read_text())["licence"] == "CC-BY-NC-SA-3.0"
 

@@ -228,9 +228,9 @@ def change(folder: Path, what: str) -> None:
     ("what", "complaint"),
     [
         ("truncated", "1.pcd: it is truncated"),
-        ("millimetres", "1.pcd: the points of lidar lie"),
-        ("nan", "1.pcd: the cloud of lidar has no finite point"),
-        ("no points", "1.pcd: the cloud of lidar has no points"),
+        ("millimetres", "1.pcd: the points of ego/lidar lie"),
+        ("nan", "1.pcd: the cloud of ego/lidar has no finite point"),
+        ("no points", "1.pcd: the cloud of ego/lidar has no points"),
         ("jump", "1.pcd: the pose of ego jumps 500.0 m"),
         ("scaled pose", "1.pcd: its pose is not a rotation"),
         ("back in time", "2.pcd: its time 200000000 ns is not after that of"),
@@ -266,8 +266,8 @@ def test_clouds_without_labels_and_labels_without_clouds_are_told(tmp_path: Path
     (folder / "labels" / "0.txt").touch()
     (folder / "labels" / "9.txt").touch()
     notes = " ".join(opened(folder).notes)
-    assert "1 files in labels/ have no cloud, such as 9.txt." in notes
-    assert "1 of 2 clouds have no labels" in notes
+    assert "Files in labels/ without a cloud: 1, such as 9.txt." in notes
+    assert "Clouds without labels: 1 of 2" in notes
     frames = list(opened(folder).frames())
     assert [frame.vehicles["ego"].boxes is None for frame in frames] == [False, True]
 

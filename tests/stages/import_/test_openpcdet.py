@@ -73,7 +73,7 @@ def test_a_split_chooses_frames(source, tmp_path):
             b"1 2 3 4 5 6 7 Ufo",
             "line 1: unknown class 'Ufo'; say what it is: --class Ufo=car",
         ),
-        ("labels/a2.txt", b"1 2 3 4 5 -6 7 Car", "a2: a box has the size -6 m"),
+        ("labels/a2.txt", b"1 2 3 4 5 -6 7 Car", r"a2\.npy: a box has the size -6 m"),
     ],
 )
 def test_damaged_folders_fail_with_one_line(source, tmp_path, file, content, problem):

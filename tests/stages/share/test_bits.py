@@ -11,7 +11,7 @@ from advpipe.stages.verify.run import verify
 
 
 def test_a_flipped_bit_in_any_file_is_found(shared: Path, tmp_path: Path) -> None:
-    """Card, list, pictures, layouts, contracts, labels, reports and bags: small files, too."""
+    """The first byte, the last or any: of card, list, pictures, layouts, contracts, labels, reports, bags."""
     folder = Path(shutil.copytree(shared, tmp_path / "copy"))
     assert verify(folder, quick=True).is_good
     draws = random.Random(8)
@@ -19,10 +19,10 @@ def test_a_flipped_bit_in_any_file_is_found(shared: Path, tmp_path: Path) -> Non
     assert {"README.md", "SHA256SUMS", "play/foxglove.json", "fewer_points/labels.parquet"} <= set(names)
     for name in names:
         data = (folder / name).read_bytes()
-        for place in {0, len(data) - 1, draws.randrange(len(data))}:
-            spoilt = bytearray(data)
-            spoilt[place] ^= 1 << draws.randrange(8)
-            (folder / name).write_bytes(spoilt)
-            assert not verify(folder, quick=True).is_good, (name, place)
+        place = draws.choice((0, len(data) - 1, draws.randrange(len(data))))
+        spoilt = bytearray(data)
+        spoilt[place] ^= 1 << draws.randrange(8)
+        (folder / name).write_bytes(spoilt)
+        assert not verify(folder, quick=True).is_good, (name, place)
         (folder / name).write_bytes(data)
     assert verify(folder, quick=True).is_good

@@ -147,7 +147,8 @@ def test_an_existing_output_is_not_overwritten(tmp_path: Path) -> None:
     assert (out / "clean" / "metadata.yaml").is_file()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+# cli/test_killed.py kills a simulation in every run.
+@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.nightly)])
 def test_an_interrupted_run_leaves_no_output(tmp_path: Path, how: signal.Signals) -> None:
     out = tmp_path / "stopped"
     process = run_smoke(out, "0", "--set", "simulation.duration_s=600")

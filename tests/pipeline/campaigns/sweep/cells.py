@@ -45,18 +45,29 @@ def figures(ratio, distance=0.001):
         lost_objects=0,
         new_false_positives=0,
         precisions=NO_PRECISIONS,
+        map_loose_ratio_ci95=(ratio + 27.5, ratio + 32.5),
     )
 
 
 def baseline(ratio, of, distance):
-    drawn = replace(figures(ratio, distance), map_ratio_ci95=None, map_loose_ratio_percent=97.0)
+    drawn = replace(
+        figures(ratio, distance), map_ratio_ci95=None, map_loose_ratio_percent=97.0, map_loose_ratio_ci95=None
+    )
     return BaselineMetrics(drawn, of - ratio, (-60.0, -40.0), True)
 
 
 def cell(
-    budget, ratio, recipe="best", distance=0.001, draws=(), lost=(0, 0, 0), found=(3, 3, 3), random=90.0
+    budget,
+    ratio,
+    recipe="best",
+    distance=0.001,
+    draws=(),
+    lost=(0, 0, 0),
+    found=(3, 3, 3),
+    random=90.0,
+    name="random_best",
 ):
-    baselines = {} if random is None else {"baseline": baseline(random, ratio, 2 * distance)}
+    baselines = {} if random is None else {name: baseline(random, ratio, 2 * distance)}
     criteria = ("strict", "loose", "bev", "bev_loose")
     row = ResultRow(
         bag=f"{recipe}-{budget}",

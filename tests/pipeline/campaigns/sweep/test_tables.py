@@ -28,7 +28,7 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     table_one,
     table_two,
 )
-from advpipe.pipeline.campaigns.sweep.variants import split_recipe
+from advpipe.pipeline.campaigns.sweep.variants import split_recipe, variant_parameters
 from advpipe.pipeline.core.errors import AdvpipeError
 
 
@@ -36,24 +36,25 @@ def test_a_line_has_the_figures_of_its_cell():
     table = table_two([cell("perturb-10", 40.5)], ["best", "paper"], "perturb")
     assert len(table.lines) == 12
     (line,) = [line for line in table.lines if line[0] == "10 cm, best"]
-    figures = ("73.20", "0.01533", "40.50", "39.5…41.5", "0.00100", "yes", "90.00", "-49.50", "-60.0…-40.0")
-    assert line[1:] == (*figures, "yes", "0.0999", "0.0123", "~5.00 %", "3")
+    figures = ("73.20", "0.01533", "40.50", "39.5…41.5", "70.50", "68.0…73.0", "0.00100", "yes")
+    random = ("90.00", "97.00", "-49.50", "-60.0…-40.0", "yes")
+    assert line[1:] == (*figures, *random, "0.0999", "0.0123", "~5.00 %", "3")
     assert [line[3] for line in table.lines].count(NOT_RUN) == 11
 
 
 def test_table_one_says_what_was_not_run():
     table = table_one([cell("detach-1", 50.0)], ["best"])
     paper, ours, random = table.lines
-    assert paper[1:] == ("0.01533", "73.20", "0.07035", "91.77", "0.00126", "78.46")
+    assert paper[1:] == ("0.01533", "73.20", "–", "0.07035", "91.77", "–", "0.00126", "78.46", "–")
     assert ours == (
         "small, 3 frames, recipe best",
-        NOT_RUN,
-        NOT_RUN,
+        *[NOT_RUN] * 3,
         "0.00100",
         "50.00 (49.00…51.00)",
-        *[NOT_RUN] * 2,
+        "80.00 (77.50…82.50)",
+        *[NOT_RUN] * 3,
     )
-    assert random[3:5] == ("0.00200", "90.00")
+    assert random[4:7] == ("0.00200", "90.00", "97.00")
 
 
 def test_below_the_paper_needs_both_figures():
@@ -73,7 +74,7 @@ def test_records_and_curves_hold_every_budget():
     assert set(lines) == {
         PAPER,
         "ours, recipe best",
-        "strongest plain random baseline of best",
+        "random baseline beside best",
         "ours, recipe paper",
     }
     assert [(point.x, point.y) for point in lines["ours, recipe best"]] == [
@@ -165,7 +166,7 @@ def test_unknown_variants_are_named():
     assert split_recipe("best+hide+twice") == ("best", ("hide", "twice"))
     with pytest.raises(
         AdvpipeError,
-        match=r"unknown variant 'hlaf' of recipe best; did you mean 'half'\? known: hide, half, twice",
+        match=r"unknown variant 'hlaf' of recipe best; did you mean 'half'\? known: hide, ray, order, ",
     ):
         split_recipe("best+hlaf")
     for recipe in ("best+twice+hide", "best+hide+twice+hide"):
@@ -173,6 +174,26 @@ def test_unknown_variants_are_named():
             split_recipe(recipe)
     with pytest.raises(AdvpipeError, match=r"two numbers of steps; take one of half, twice"):
         split_recipe("best+half+twice")
+
+
+def test_the_shares_of_the_papers_text_have_lines_where_they_were_run():
+    assert [each.printed for each in TABLES["text"]] == [0.1, 0.3, 0.5, 0.7, 1.0, 1.5]
+    lines = {line[0]: line for line in table_two([cell("detach-0.7", 60.0)], ["best"], "detach").lines}
+    assert list(lines) == [f"{each} %, best" for each in (0.05, 0.1, 0.3, 0.5, 0.7, 1, 1.5)]
+    assert lines["0.7 %, best"][1:4] == ("–", "–", "60.00")  # the paper prints no figures for it
+    assert below_paper(budget_named("detach-0.7"), cell("detach-0.7", 60.0)) is None
+    (record,) = [each for each in records([cell("detach-0.7", 60.0)], ["best"]) if each["status"] != NOT_RUN]
+    assert record["paper_map_ratio_percent"] is None
+    points = {title: at for (title, _, _), at in curve_points([cell("detach-0.7", 60.0)], "detach").items()}
+    assert (len(points[PAPER]), len(points["ours, recipe best"])) == (6, 1)
+
+
+def test_variants_give_an_attack_what_it_has():
+    assert variant_parameters("best+hide+ray", "perturb") == {"goal": "hide", "along_ray": True}
+    assert variant_parameters("paper+weighted", "attach") == {"weight": 0.01}
+    assert variant_parameters("best+detections+twice", "detach") == {"truth": "detections"}
+    assert variant_parameters("best", "detach") == {}
+    assert variant_parameters("best+order", "detach") is None  # it only removes points
 
 
 def test_other_code_is_no_difference_by_itself():

@@ -9,11 +9,13 @@ from cloud_moves import rng
 from linear_detector import BOX, LinearVoxelDetector
 
 from advpipe.pipeline.adversary.constraints import GOALS, Constraints
-from advpipe.pipeline.adversary.goal import FALSE_WEIGHT, goal_of, with_decoys
+from advpipe.pipeline.adversary.goal import FALSE_WEIGHT, goal_of, known_boxes, with_decoys
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Detections, OccupancyLoss
-from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
+from advpipe.stages.attack.lidar.attach import Attach
+from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import Perturb
 
 
@@ -121,6 +123,47 @@ def test_hiding_asks_for_no_box_at_all(make_boxes, make_detector):
     assert goals["break"].success(far) == pytest.approx([FALSE_WEIGHT * 0.8])  # misplaced: broken
     assert goals["hide"].success(far) == pytest.approx([-0.8])  # but still seen
     assert goals["hide"].success(none) == goals["break"].success(none) == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        (Detach, {"ratio": 0.3}),
+        (Attach, {"eps_m": 0.5, "points": 5}),
+        (Perturb, {"eps_cm": 40, "recipe": "random-near"}),
+    ],
+)
+def test_without_labels_the_attacker_takes_the_clean_detections(scene, kind, options):
+    """The car that the detector finds is attacked as with its true box; nothing is where it finds none."""
+    cloud, boxes, detector = scene
+    attack, blind = kind(**options), kind(**options, truth="detections")
+    assert not blind.needs_ground_truth
+    assert attack.needs_ground_truth
+    known = known_boxes(blind.constraints, detector, cloud, boxes)
+    assert known.geometry.tolist() == detector.detect(cloud).boxes.tolist()
+    labelled, unlabelled = attack(cloud, boxes, detector, rng()), blind(cloud, Boxes(), detector, rng())
+    assert unlabelled.cloud.tobytes() == labelled.cloud.tobytes()
+    assert len(unlabelled.labels)
+    detector.weights = detector.weights * 0  # it finds nothing
+    assert len(blind(cloud, boxes, detector, rng()).labels) == 0
+
+
+class TwiceDetector(LinearVoxelDetector):
+    """Finds its first anchor with a score of 0.31, its second with one of 0.29."""
+
+    def detect(self, cloud):
+        return Detections(self.anchors[:2], np.array([0.31, 0.29]), np.zeros(2, np.int64))
+
+
+def test_detections_stand_for_true_boxes_from_a_score_on(scene):
+    cloud, boxes, _ = scene
+    detector = TwiceDetector(np.ones((10, 10, 10)), [BOX, [1.0, 1.0, 1.0, 1.5, 1.5, 1.5, 0.0]])
+    assert known_boxes(Constraints(truth="detections"), detector, cloud, boxes).geometry.tolist() == [BOX]
+    assert known_boxes(Constraints(), detector, cloud, boxes) is boxes
+    with pytest.raises(AdvpipeError, match="truth is 'labels'; "):
+        Perturb(eps_cm=1, truth="labels")
+    with pytest.raises(AdvpipeError, match="objects are chosen by the ids of true boxes"):
+        Perturb(eps_cm=1, truth="detections", objects=("car0",))
 
 
 def test_hiding_hides(hand_worked):

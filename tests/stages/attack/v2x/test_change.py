@@ -62,7 +62,7 @@ def vehicle(reader: BagReader, index: int = 0) -> str:
     ],
     ids=["plain", "jammed, two listeners"],
 )
-@pytest.mark.parametrize("dcc_reacts", [False, True])
+@pytest.mark.parametrize("dcc_reacts", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_without_an_active_attack_all_messages_are_unchanged(recorded, tmp_path, settings, dcc_reacts):
     reader = recorded(*settings)
     late = spec("cam-dos", schedule={"from_s": 2.95}, attackers={"vehicles": ("ego",)})

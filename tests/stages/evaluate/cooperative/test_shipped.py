@@ -77,6 +77,7 @@ def test_attacks_misplace_it_by_what_they_draw(
     assert least_m < np.median(held_m) < most_m
 
 
+@pytest.mark.nightly  # test_cooperative.py has frames, and localisation/test_section.py their window
 def test_a_report_of_some_frames_is_of_these_and_of_their_time(clean: Path, scenario, tmp_path: Path) -> None:
     """Two clouds a second and GPS false from 6 s on: frames 0 to 3 fuse nothing, 16 and 17 are fused."""
     attack(clean, tmp_path / "rba", AttackRequest(scenario.attacks["rba"], scenario.simulation.seed))

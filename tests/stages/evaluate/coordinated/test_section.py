@@ -132,7 +132,7 @@ def test_a_window_counts_the_attacks_and_effects_in_it(
         for row in sent
         if row["attack"] == "cam-sybil-congestion"
     )
-    assert [line[3] for line in part.tables[0].lines] == ["5 fixes", f"{inside} messages", "1 clouds"]
+    assert [line[3] for line in part.tables[0].lines] == ["5 fixes", f"{inside} messages", "1 cloud"]
     (record,), (whole,) = rows_of(part), rows_of(found)
     assert (record["from_s"], record["to_s"]) == (1.5, 1.5)
     assert record["points_touched"] == whole["points_touched"]

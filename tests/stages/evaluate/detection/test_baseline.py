@@ -1,14 +1,29 @@
-"""Random baselines spend the attack's budget exactly; of several draws each object keeps the best one."""
+"""Random baselines spend the attack's budget exactly; random-best is the recipe of the attacks."""
+
+import json
 
 import numpy as np
 import pytest
+import torch
+from place_drive import LABELS, PLACES, PlaceDetector
 
+from advpipe.pipeline.adversary.constraints import Constraints
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.baselines import points_near_boxes
-from advpipe.pipeline.geometry.boxes import points_in_boxes
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.geometry.boxes import Boxes, points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
 from advpipe.pipeline.messages.cloud_difference import cloud_difference
-from advpipe.stages.evaluate.detection.baseline import baseline_title, random_baselines
-from advpipe.stages.evaluate.detection.random_change import RandomChange, SpentBudget, regions
+from advpipe.stages.attack.lidar.attach import Attach
+from advpipe.stages.attack.lidar.detach import Detach
+from advpipe.stages.attack.lidar.perturb import Perturb
+from advpipe.stages.evaluate.detection.baseline import (
+    RandomBaselines,
+    attack_constraints,
+    attack_query_budget,
+    baseline_title,
+)
+from advpipe.stages.evaluate.detection.random_change import SpentBudget, random_change
 
 BOXES = np.array([[-10.0, 0.0, 0.0, 6.0, 6.0, 10.0, 0.0], [10.0, 5.0, 0.0, 6.0, 6.0, 10.0, 0.5]])
 
@@ -37,31 +52,115 @@ def added() -> np.ndarray:
     return np.concatenate([cloud(), new])
 
 
-def no_worth(points: np.ndarray) -> np.ndarray:
-    return np.zeros(len(BOXES))
+class CountingDetector(PlaceDetector):
+    """Counts how often it is asked."""
+
+    def __init__(self):
+        self.queries = 0
+
+    def detect(self, cloud):
+        self.queries += 1
+        return super().detect(cloud)
+
+    def loss(self, points, boxes, labels):
+        return torch.zeros(())
 
 
-def clouds_of(
-    after: np.ndarray, seed: int = 0, n_draws: int = 1, worth=no_worth, parameters=None, boxes=BOXES
-):
+def truth(boxes) -> Boxes:
+    count = len(boxes)
+    return Boxes(boxes, np.zeros(count, np.int64), tuple("ab"[:count]), np.zeros((count, 3)))
+
+
+def clouds_of(after: np.ndarray, seed: int = 0, tries: int = 3, parameters=None, boxes=BOXES):
     change = cloud_difference(cloud(), after)
     budget = SpentBudget.of(cloud(), after, change, parameters or {})
-    return dict(random_baselines(cloud(), boxes, budget, worth, n_draws=n_draws, seed=seed, index=3))
+    random = RandomBaselines(Provenance({}), PlaceDetector(), tries, seed)
+    return dict(random.clouds(cloud(), truth(boxes), boxes, budget, 3))
 
 
-@pytest.mark.parametrize("n_draws", [1, 4])
-def test_removes_as_many_elsewhere(n_draws):
-    clouds = clouds_of(removed(10), n_draws=n_draws)
-    assert list(clouds) == (
-        ["baseline", "baseline_near"]
-        if n_draws == 1
-        else ["baseline", "baseline_best", "baseline_near", "baseline_near_best"]
-    )
-    for random in clouds.values():
-        change = cloud_difference(cloud(), random)
+def test_removes_as_many_elsewhere():
+    clouds = clouds_of(removed(10), boxes=PLACES[:0])
+    assert list(clouds) == ["random_best", "baseline", "baseline_near"]
+    for name in ("baseline", "baseline_near"):
+        change = cloud_difference(cloud(), clouds[name])
         assert len(change.removed) == 10
         assert len(change.added) == 0
         assert change.removed.tolist() != list(range(10))
+
+
+@pytest.mark.parametrize("tries", [1, 2, 7])
+@pytest.mark.parametrize(
+    "attack",
+    [
+        lambda tries: Detach(ratio=0.1, rounds=tries),
+        lambda tries: Attach(eps_m=0.4, points=20, rounds=tries, keep_occlusion_order=True),
+        lambda tries: Perturb(eps_cm=30, steps=tries, intensity=True),
+    ],
+    ids=["detach", "attach", "perturb"],
+)
+def test_random_best_is_the_recipe(attack, tries):
+    """Byte for byte; and it asks the detector no more often than the attack says."""
+    made = attack(tries)
+    made.recipe = "random-best"
+    name = type(made).__name__.lower()
+    clean, boxes, parameters = (
+        street(),
+        Boxes(PLACES, LABELS, (), np.zeros((len(PLACES), 3))),
+        {key: value for key, value in vars(made).items() if key in Constraints.__dataclass_fields__},
+    )
+    parameters |= {key: vars(made)[key] for key in ("eps_cm", "eps_m") if key in vars(made)}
+    rng = named_generator(5, "attack", name, "random-best", 3)
+    result = made(clean, boxes, CountingDetector(), rng)
+    assert len(result.labels) > 15
+    budget = SpentBudget.of(clean, result.cloud, cloud_difference(clean, result.cloud), parameters)
+    provenance = Provenance({"attack": name, "parameters": json.dumps(parameters)})
+    detector = CountingDetector()
+    random = RandomBaselines(provenance, detector, made.baseline_tries, 5)
+    clouds = dict(random.clouds(clean, boxes, PLACES, budget, 3))
+    assert clouds["random_best"].tobytes() == result.cloud.tobytes()
+    clean_queries = 3  # the clean cloud as such, for its decoys, and as the first to beat
+    assert detector.queries <= made.baseline_tries + clean_queries
+
+
+def test_more_tries_leave_less():
+    """What is left of the detections, over seeds: judged tries beat one draw."""
+    left = {1: 0.0, 2: 0.0, 13: 0.0}
+    clean, boxes = street(), Boxes(PLACES, LABELS, (), np.zeros((len(PLACES), 3)))
+    budget = SpentBudget(40, 0, np.zeros(0), 0.0, 0.0)
+    for seed in range(5):
+        for tries in left:
+            random = RandomBaselines(Provenance({}), PlaceDetector(), tries, seed)
+            found = dict(random.clouds(clean, boxes, PLACES, budget, 0))["random_best"]
+            assert len(found) == len(clean) - 40
+            left[tries] += PlaceDetector().detect(found).scores.sum()
+    assert left[13] < left[2] < left[1] + 1e-9
+
+
+def street() -> np.ndarray:
+    """Thirty points in each of the places, and some between."""
+    draw = np.random.default_rng(4)
+    inside = PLACES[:, None, :3] + draw.uniform(-0.4, 0.4, (len(PLACES), 30, 3)) * PLACES[:, None, 3:6]
+    between = draw.uniform([1, -20, -1], [50, 20, 1], (100, 3))
+    points = np.zeros(30 * len(PLACES) + 100, POINT_DTYPE)
+    points["x"], points["y"], points["z"] = np.concatenate([inside.reshape(-1, 3), between]).T
+    points["intensity"] = draw.uniform(0, 1, len(points))
+    return points
+
+
+def test_how_many_tries_random_best_has():
+    assert attack_query_budget(Provenance({})) == 24
+    assert attack_query_budget(Provenance({"looks": "13"})) == 13
+    assert attack_query_budget(Provenance({"looks": "1", "baseline_tries": "13"})) == 13
+    assert Detach(ratio=0.1, recipe="paper").baseline_tries == Detach(ratio=0.1).query_budget == 13
+    assert Perturb(eps_cm=1, recipe="paper").baseline_tries == Perturb(eps_cm=1).query_budget == 24
+
+
+def test_the_constraints_of_the_attack_bind_its_baseline():
+    def of(**parameters):
+        return attack_constraints(Provenance({"parameters": json.dumps(parameters)}))
+
+    assert of(eps_cm=5, along_ray=True, max_points=7) == Constraints(along_ray=True, max_points=7)
+    assert of(goal="my own goal", along_ray=True) == Constraints()
 
 
 def test_near_objects_first_then_anywhere():
@@ -74,10 +173,10 @@ def test_near_objects_first_then_anywhere():
     assert set(np.flatnonzero(near)) < set(many)
 
 
-@pytest.mark.parametrize("baseline", ["baseline", "baseline_near", "baseline_best", "baseline_near_best"])
+@pytest.mark.parametrize("baseline", ["baseline", "baseline_near"])
 def test_moves_as_many_as_far(baseline):
     change = cloud_difference(cloud(), moved())
-    random = cloud_difference(cloud(), clouds_of(moved(), n_draws=3)[baseline])
+    random = cloud_difference(cloud(), clouds_of(moved())[baseline])
     assert len(random.moved) == 5
     assert sorted(random.displacement_m) == pytest.approx(sorted(change.displacement_m), abs=1e-5)
     assert (np.sort(random.displacement_m) <= np.sort(change.displacement_m)).all()
@@ -94,9 +193,9 @@ def test_every_point_by_the_bound():
 
 
 @pytest.mark.parametrize(("parameters", "reach_m"), [({}, 0.5), ({"eps_m": 2.0}, 2.0)])
-@pytest.mark.parametrize("baseline", ["baseline", "baseline_near", "baseline_near_best"])
+@pytest.mark.parametrize("baseline", ["baseline", "baseline_near"])
 def test_adds_as_many_no_farther(baseline, parameters, reach_m):
-    random = clouds_of(added(), n_draws=2, parameters=parameters)[baseline]
+    random = clouds_of(added(), parameters=parameters)[baseline]
     change = cloud_difference(cloud(), random)
     assert len(change.added) == 7
     assert len(change.removed) == 0
@@ -110,83 +209,38 @@ def test_adds_as_many_no_farther(baseline, parameters, reach_m):
 
 
 def test_untouched_frame_and_frame_without_objects():
-    for random in clouds_of(cloud(), n_draws=3).values():
+    for random in clouds_of(cloud()).values():
         assert (random == cloud()).all()
-    for random in clouds_of(removed(10), n_draws=3, worth=lambda c: np.zeros(0), boxes=BOXES[:0]).values():
-        assert len(random) == 390
+    lone = clouds_of(removed(10), boxes=BOXES[:0])
+    assert {name: len(each) for name, each in lone.items()} == {
+        "random_best": 400,  # as the recipe, which has no object to hide
+        "baseline": 390,
+        "baseline_near": 390,
+    }
 
 
 def test_points_without_coordinates_are_no_points_to_take():
     change = SpentBudget(300, 0, np.zeros(0), 0.0, 0.0)
     points = cloud()
     points["x"][100:] = np.nan
-    random = RandomChange(points, BOXES, change, np.ones(400, bool), np.random.default_rng(0))
-    kept = random.apply(random.draw())
+    kept = random_change(points, change, np.ones(400, bool), np.random.default_rng(0))
     assert len(kept) == 300  # all 100 that there are
     assert np.isnan(kept["x"]).all()
 
 
-def test_each_object_keeps_its_best_try():
-    """The worth of an object is the number of its points left: the best draw has the minimum of each."""
-    region = regions(xyz(cloud()), BOXES)
-    counts = []
-
-    def worth(points):
-        left = regions(xyz(points), BOXES)
-        counts.append([(left == 0).sum(), (left == 1).sum()])
-        return np.array(counts[-1], float)
-
-    best = clouds_of(removed(150), n_draws=6, worth=worth)["baseline_best"]
-    tried, together = np.array(counts[:6]), counts[6]
-    assert together == tried.min(axis=0).tolist()
-    assert len(best) == 250
-    # The draws share out the budget alike: only which points of a region go is drawn anew.
-    assert len(set(map(tuple, tried))) == 1
-    assert tried[0].tolist() == [(region == k).sum() - _removed_in(best, region, k) for k in (0, 1)]
-
-
-def _removed_in(after, region, k):
-    gone = cloud_difference(cloud(), after).removed
-    return int((region[gone] == k).sum())
-
-
-def test_best_try_is_taken_region_by_region():
-    """Object 0 is worth the mean x of its points, object 1 its mean y: each try is best somewhere."""
-    region = regions(xyz(cloud()), BOXES)
-    tried = []
-
-    def worth(points):
-        left = regions(xyz(points), BOXES)
-        tried.append((points["x"][left == 0].mean() + 100, points["y"][left == 1].mean() + 100))
-        return np.array(tried[-1], float)
-
-    clouds = clouds_of(removed(150), n_draws=6, worth=worth)
-    best = worth(clouds["baseline_best"])
-    assert best == pytest.approx(np.array(tried[:6]).min(axis=0))
-    assert best[0] < tried[0][0] or best[1] < tried[0][1]
-    assert (region >= 0).sum() > 20
-
-
-def test_a_single_try_that_hides_more_as_a_whole_is_taken():
-    worths = iter([[5, 0], [0, 5], [9, 9], [5, 0], [0, 5], [9, 9]])
-    clouds = clouds_of(removed(40), n_draws=2, worth=lambda points: np.array(next(worths), float))
-    first = clouds_of(removed(40))["baseline"]
-    assert (clouds["baseline_best"] == first).all()
-
-
 def test_same_seed_same_cloud():
-    for baseline, random in clouds_of(removed(10), n_draws=2).items():
-        assert (random == clouds_of(removed(10), n_draws=2)[baseline]).all()
-        assert (random != clouds_of(removed(10), seed=1, n_draws=2)[baseline]).any()
-
-
-def test_more_tries_leave_the_first_as_it_is():
-    assert (clouds_of(moved())["baseline"] == clouds_of(moved(), n_draws=5)["baseline"]).all()
+    boxes = PLACES[LABELS == 0]
+    for baseline, random in clouds_of(removed(10), boxes=boxes).items():
+        assert (random == clouds_of(removed(10), boxes=boxes)[baseline]).all()
+        assert baseline == "random_best" or (random != clouds_of(removed(10), 1, boxes=boxes)[baseline]).any()
 
 
 def test_titles():
-    assert baseline_title("baseline") == "randomly anywhere"
-    assert baseline_title("baseline_near_best") == "randomly near objects, best try"
+    assert baseline_title("random_best") == "random-best"
+    assert baseline_title("random_best", 13) == "random-best, 13 tries"
+    assert baseline_title("random_best", 1) == "random-best, 1 try"
+    assert baseline_title("baseline", 13) == "randomly anywhere"
+    assert baseline_title("baseline_near_best") == "randomly near objects, best try"  # of older reports
 
 
 def test_as_many_intensities_as_the_attack_changed():
@@ -198,7 +252,9 @@ def test_as_many_intensities_as_the_attack_changed():
     assert change.intensity_changed.tolist() == list(range(9))
     assert len(change.moved) == 0
     budget = SpentBudget.of(clean, after, change, {})
-    clouds = dict(random_baselines(clean, BOXES, budget, no_worth, n_draws=2, seed=0, index=3))
+    random = RandomBaselines(Provenance({}), PlaceDetector(), 1, 0)
+    clouds = dict(random.clouds(clean, truth(BOXES[:0]), BOXES, budget, 3))
+    assert (clouds.pop("random_best") == clean).all()
     near = points_near_boxes(clean, BOXES)
     for baseline, random in clouds.items():
         drawn = cloud_difference(clean, random)

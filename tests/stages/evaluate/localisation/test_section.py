@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.stages.evaluate.families import added_sections
 from advpipe.stages.evaluate.localisation.metrics import gate
@@ -29,6 +30,14 @@ FAR = {
 }
 JAM = {"type": "gnss-jam", "schedule": {"from_s": 8}}
 AWARE = {"type": "gnss-drift-aware", "parameters": {"rate_mps": 3}, "schedule": {"from_s": 4}}
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch):
+    """For tests of figures: drawing takes most of the time."""
+    monkeypatch.setattr(
+        "advpipe.stages.evaluate.localisation.section.draw_localisation", lambda *_: Figure((1, 1))
+    )
 
 
 def test_a_track_is_what_the_bag_holds(clean):
@@ -108,6 +117,7 @@ def steps(clean: Path, first: int, end: int) -> Window:
     return Window(begin_ns + first * 10**8, begin_ns + end * 10**8)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked):
     """Steps 90 to 119, by hand: fixes at every second step, all false there, from an attack since step 80."""
     bag = attacked("far", **FAR)
@@ -130,7 +140,8 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
     assert "over the window" in meaning_of(section, "ate")
 
 
-def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
+@pytest.mark.usefixtures("blank_pictures")
+def test_a_window_of_everything_changes_no_figure(clean, attacked):
     bag = attacked("far", **FAR)
     (whole,), (same,) = (
         localisation_sections(clean, [bag], window=w) for w in (WHOLE_DRIVE, steps(clean, 0, 200))
@@ -140,6 +151,7 @@ def test_a_window_of_everything_changes_no_figure_and_no_byte(clean, attacked):
     assert "over the whole drive" in meaning_of(whole, "ate")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_before_the_attack_begins_nothing_is_off(clean, attacked, tmp_path):
     """The victim that the provenance names is told, with no attacked fix and the error of the clean drive."""
     bag = attacked("far", **FAR)
@@ -157,6 +169,7 @@ def test_before_the_attack_begins_nothing_is_off(clean, attacked, tmp_path):
     assert after["ate_m"] != after["ate_clean_m"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_window_of_one_step_or_none(clean, attacked):
     bag = attacked("far", **FAR)
     (one,) = rows_of(localisation_sections(clean, [bag], window=steps(clean, 90, 91))[0])
@@ -164,6 +177,7 @@ def test_a_window_of_one_step_or_none(clean, attacked):
     assert localisation_sections(clean, [bag], window=steps(clean, 300, 310)) == ()
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_what_comes_after_the_window_is_not_read(clean, attacked, monkeypatch):
     """A window that ends with the first half decodes half the messages, and some that are latched."""
     bag, decoded = attacked("far", **FAR), []
@@ -180,6 +194,7 @@ def test_what_comes_after_the_window_is_not_read(clean, attacked, monkeypatch):
     assert counts[1] == pytest.approx(0.5 * counts[0], rel=0.02)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_frames_of_a_bag_without_clouds_are_refused(clean, attacked):
     with pytest.raises(AdvpipeError, match="holds no LiDAR clouds, so the frames 0:4:1 select no time span"):
         added_sections(clean, [attacked("far", **FAR)], Options(frames=FrameSlice.parse("0:4")))

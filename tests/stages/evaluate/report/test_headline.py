@@ -8,15 +8,12 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from place_drive import DETECTOR, hide_first_car
+from place_drive import DETECTOR, FRAMES, hide_first_car
 
 from advpipe.stages.evaluate.report.headline import first_screen
 from advpipe.stages.evaluate.run import Options, evaluate
 
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("advpipe.stages.evaluate.report.pictures._bag_pictures", lambda *_: ())
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 def effects_of(folder):
@@ -71,4 +68,4 @@ def test_a_clean_bag_alone(clean, tmp_path):
     assert "adversarial" not in first.about
     (headline,) = first.headlines
     assert [card.title for card in headline.cards] == ["mAP, strict", "mAP, loose", "Objects found"]
-    assert "96 of 96" in headline.verdict
+    assert f"{4 * FRAMES} of {4 * FRAMES}" in headline.verdict

@@ -33,7 +33,8 @@ def scenes_of(folder):
 @pytest.fixture(scope="module")
 def report(clean, attacked_once, tmp_path_factory):
     out = tmp_path_factory.mktemp("reports") / "report"
-    evaluate(clean, attacked_once(hide_first_car, frames=range(6)), out=out, detector=DETECTOR, workers=1)
+    bag = attacked_once(hide_first_car, frames=range(6))
+    evaluate(clean, bag, out=out, detector=DETECTOR, baseline=False, workers=1)
     return out
 
 
@@ -117,7 +118,7 @@ def test_a_clean_bag_alone(clean, tmp_path):
 
 def test_a_report_without_a_scene(clean, attacked, tmp_path):
     bag = attacked(hide_first_car, frames=range(3))
-    evaluate(clean, bag, out=tmp_path / "report", detector=DETECTOR, workers=1, scene=False)
+    evaluate(clean, bag, out=tmp_path / "report", detector=DETECTOR, baseline=False, workers=1, scene=False)
     page = (tmp_path / "report" / "report.html").read_text()
     assert "adv-viewer" not in page
     assert "THREE" not in page

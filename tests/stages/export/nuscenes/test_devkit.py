@@ -13,7 +13,7 @@ from tests.stages.export.drives import sample_data_set
 from tests.stages.import_.importing import import_form
 from tests.stages.import_.nuscenes.tiny_nuscenes import write_nuscenes
 
-pytestmark = [pytest.mark.oracle, pytest.mark.nightly]
+pytestmark = [pytest.mark.oracle, pytest.mark.usefixtures("stand_ins")]
 
 
 def opened(version: str, folder: Path) -> Any:

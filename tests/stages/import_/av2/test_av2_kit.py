@@ -8,7 +8,7 @@ from advpipe.stages.export.recorded import recorded_frames
 from tests.stages.import_.av2.tiny_av2 import stamps, write_av2
 from tests.stages.import_.importing import import_form
 
-pytestmark = [pytest.mark.oracle, pytest.mark.nightly]
+pytestmark = [pytest.mark.oracle, pytest.mark.usefixtures("stand_ins")]
 
 
 def test_it_agrees_on_points_poses_and_boxes(tmp_path):

@@ -89,7 +89,7 @@ def test_sweeps_without_labels_are_left_out(tmp_path):
     tables["annotations"] = {name: np.array(column)[first] for name, column in tables["annotations"].items()}
     log = write_av2(tmp_path / "log", tables)
     assert [frame.stamp_ns for frame in drive_frames("av2", log)] == stamps()[1:]
-    assert "1 sweeps without labels are left out." in Av2Form().open(log, ImportOptions()).notes
+    assert "Sweeps without labels are left out: 1." in Av2Form().open(log, ImportOptions()).notes
     (log / "annotations.feather").unlink()
     unlabelled = drive_frames("av2", log)
     assert len(unlabelled) == SWEEPS

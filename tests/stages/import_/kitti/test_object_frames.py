@@ -132,7 +132,10 @@ def _write(file: str, text: str) -> object:
         (_write("training/label_2/000003.txt", CAR.replace("4.00", "nan")), "line 1 has a value out of its"),
         (_write("training/label_2/000003.txt", CAR.replace("4.00", "-1")), "a Car has no 3D box"),
         (_write("training/velodyne/000003.bin", "abcdef"), r"000003\.bin: 6 bytes are not a whole number"),
-        (_write("training/velodyne/000003.bin", ""), "the cloud of lidar has no points"),
+        (
+            _write("training/velodyne/000003.bin", ""),
+            "cloud of ego/lidar has no points; restore it",
+        ),
     ],
 )
 def test_damaged_folders_fail_with_one_line(tmp_path, damage, problem):

@@ -69,9 +69,9 @@ def test_a_missing_cloud_keeps_the_stamps_of_the_others(tmp_path):
     (drive / "velodyne_points" / "data" / "0000000001.bin").unlink()
     source = KittiForm().open(drive, ImportOptions())
     frames = list(source.frames())
-    assert [frame.name for frame in frames] == ["0000000000", "0000000002", "0000000003"]
+    assert [frame.source_name for frame in frames] == ["0000000000", "0000000002", "0000000003"]
     assert frames[1].stamp_ns - frames[0].stamp_ns == 200_000_000
-    assert "1 clouds in between are missing" in source.notes
+    assert "clouds missing in between: 1" in source.notes
 
 
 def test_without_labels_and_poses_the_clouds_remain(tmp_path):

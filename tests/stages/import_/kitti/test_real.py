@@ -43,8 +43,8 @@ def test_points_lie_on_the_objects(summary):
 def test_clouds_and_labels_come_back_as_they_are(source, summary, tmp_path):
     export_bags(summary.data_set, "kitti", tmp_path / "out")
     training = source / "training"
-    for index, cloud in enumerate(sorted((training / "velodyne").glob("*.bin"))):
+    for cloud in sorted((training / "velodyne").glob("*.bin")):
         ours = tmp_path / "out" / "clean" / "training"
-        assert (ours / "velodyne" / f"{index:06d}.bin").read_bytes() == cloud.read_bytes()
+        assert (ours / "velodyne" / cloud.name).read_bytes() == cloud.read_bytes()
         label = training / "label_2" / f"{cloud.stem}.txt"
-        assert (ours / "label_2" / f"{index:06d}.txt").read_text() == label.read_text()
+        assert (ours / "label_2" / label.name).read_text() == label.read_text()

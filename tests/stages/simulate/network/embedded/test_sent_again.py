@@ -21,9 +21,10 @@ from advpipe.pipeline.v2x.statistics import Statistics
 Record = Callable[..., BagReader]
 Change = Callable[[Sequence[Sent]], Sequence[Sent]]
 
+RICHEST = "two listeners, all equipped, everything on"
 DRIVES = {
     "one listener": ("simulation.duration_s=3",),
-    "two listeners, all equipped, everything on": (
+    RICHEST: (
         "simulation.duration_s=2",
         "simulation.step_s=0.05",
         "vehicles={ego: {}, other: {}}",
@@ -58,7 +59,13 @@ def send_again(
     return received, maps, channel.statistics()
 
 
-@pytest.mark.parametrize("settings", DRIVES.values(), ids=DRIVES)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(settings, id=name, marks=[] if name == RICHEST else [pytest.mark.nightly])
+        for name, settings in DRIVES.items()
+    ],
+)
 def test_retransmission_gives_the_same_receptions_maps_and_statistics(
     drive: Record, settings: tuple[str, ...]
 ) -> None:
@@ -84,7 +91,7 @@ def test_retransmission_gives_the_same_receptions_maps_and_statistics(
 
 def test_any_station_can_listen(drive: Record) -> None:
     """Those that record nothing hear what they would have heard; who records hears the same again."""
-    reader = drive(*DRIVES["two listeners, all equipped, everything on"])
+    reader = drive(*DRIVES[RICHEST])
     recorded = V2xDrive(reader)
     heard = defaultdict(list)
     for step, received in recorded.sent_again(recorded.stations):
@@ -100,7 +107,7 @@ def test_any_station_can_listen(drive: Record) -> None:
 
 def test_buildings_reduce_receptions(drive: Record) -> None:
     """Those that stand in the drive's world; without them, more arrives."""
-    reader = drive(*DRIVES["two listeners, all equipped, everything on"])
+    reader = drive(*DRIVES[RICHEST])
     with_buildings = send_again(reader)[2]
     recorded = V2xDrive(reader)
     channel = Channel(recorded.v2x, recorded.seed, Geodesy(48.1351, 11.582, 520.0), recorded.listeners, None)

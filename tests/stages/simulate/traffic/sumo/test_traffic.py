@@ -192,6 +192,7 @@ def test_an_ego_whose_route_revisits_its_last_edge_keeps_driving(
     assert sum(steps_m[300:]) > 100
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not TOWN06.is_file(), reason="set ADVPIPE_TOWN06 to CARLA's Town06.xodr")
 def test_traffic_on_town06_keeps_flowing(tmp_path: Path) -> None:
     """100 s at the scenario's density: the ego drives on, among many, and boxes hardly ever overlap."""
