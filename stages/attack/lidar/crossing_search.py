@@ -7,6 +7,7 @@ and points cross where the gain is largest: single points, or all points of a vo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -107,10 +108,11 @@ class CrossingSearch:
         self.kept = self.choice.copy()
 
     def candidates(self, rounds: int) -> Iterator[Candidate]:
-        """The points (N, 4) of each gradient, the clean ones first, and those after each cycle."""
+        """The points (N, 4) of each gradient, the clean ones first, and those after each cycle: so many
+        rounds without the clean ones."""
         settings = self.settings
         cycle = min(settings.rounds_per_cycle, rounds)
-        for number in range(rounds):
+        for number in range(rounds + 1 - math.ceil(rounds / cycle)):
             phase = number % cycle
             if number and phase == 0:
                 yield Candidate(self.placed(self.choice))

@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.greedy_allocation import allocate, greedy_allocation, queries
 
 
@@ -33,10 +34,19 @@ class Wall:
 
     def __init__(self, needs, helper=False):
         self.needs, self.helper, self.asked = np.array(needs), helper, 0
+        self.focus = Focus(np.zeros((1, 4), np.float32), np.zeros((len(needs), 7)))
 
     @property
     def max_items(self):
         return np.full(len(self.needs), 10)
+
+    @property
+    def clean_values(self):
+        return np.zeros(len(self.needs))
+
+    def look(self, taken, *, will_propose):
+        """Nothing is known of what the focus has closed."""
+        return np.where(self.focus.is_open, self.evaluate(taken), np.nan)
 
     def propose(self, taken, wanted, room):
         self.asked += 1

@@ -75,7 +75,7 @@ class Shipped(LinearVoxelDetector):
         super().__init__(np.random.default_rng(9).uniform(0.1, 1, (10, 10, 10)), [BOX])
 
     def occupancy_loss(self, *given):
-        Shipped.gradients += 1
+        Shipped.gradients += torch.is_grad_enabled()
         return super().occupancy_loss(*given)
 
 

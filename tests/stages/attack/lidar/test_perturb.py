@@ -8,6 +8,8 @@ import torch
 from cloud_moves import moved_m, rng
 
 from advpipe.pipeline.adversary.constraints import Rules
+from advpipe.pipeline.adversary.goal import AttackGoal
+from advpipe.pipeline.adversary.per_object_best import PerObjectBest
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import xyz, xyzi
@@ -238,3 +240,21 @@ def test_bad_parameters(wrong, line):
     with pytest.raises(AdvpipeError, match=line) as caught:
         Perturb(eps_cm=1, **wrong)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("steps", [4, 12, 24, 30])
+def test_best_judges_as_many_candidates_as_it_declares(scene, monkeypatch, steps):
+    """`random-best` is given this number, and it judges nothing but its draws."""
+    judged, update = [], PerObjectBest.update
+
+    def counted(self, candidate, found=None):
+        judged.append((candidate != xyzi(scene[0])).any())
+        return update(self, candidate, found)
+
+    monkeypatch.setattr(PerObjectBest, "update", counted)
+    monkeypatch.setattr(AttackGoal, "is_done", lambda self, success: np.zeros(len(success), bool))
+    attack = Perturb(eps_cm=10, steps=steps)
+    attack(*scene, rng())
+    assert len(judged) == steps + 1
+    assert judged[0] == 0  # the clean cloud, from which the first gradient is
+    assert attack.query_budget == steps
