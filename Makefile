@@ -37,12 +37,11 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(BIN)/python -m advpipe.pipeline.core.missing_library
 	@touch $@
 
-# All three stages on eight clouds of a map that the detector has not seen: under two minutes on two cores. Half of
-# the rounds that `detach` usually takes do nearly as much.
+# All three stages on eight clouds of a map that the detector has not seen: under two minutes on two cores.
 demo: $(INSTALLED)
 	$(BIN)/advpipe simulate district --set simulation.duration_s=4 --out datasets/demo --overwrite
-	$(BIN)/advpipe attack datasets/demo --type detach --ratio 1% --rounds 5 --frames $(DEMO_FRAMES) --overwrite
-	$(BIN)/advpipe evaluate datasets/demo --baseline-tries 2 --overwrite
+	$(BIN)/advpipe attack datasets/demo --type detach --ratio 1% --frames $(DEMO_FRAMES) --overwrite
+	$(BIN)/advpipe evaluate datasets/demo --overwrite
 	@echo "        $(BIN)/advpipe attacks"
 
 # The data set that comes with advpipe: the same bytes of the same versions on the same machine, but for the

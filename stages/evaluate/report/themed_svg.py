@@ -81,5 +81,5 @@ def _webp(pixels: np.ndarray) -> bytes:
     """The pixels in few colours, without a further loss."""
     stream = BytesIO()
     few = Image.fromarray(pixels).quantize(COLOURS, Image.Quantize.FASTOCTREE).convert("RGBA")
-    few.save(stream, "WEBP", lossless=True, quality=100, method=6)
+    few.save(stream, "WEBP", lossless=True, quality=50, method=4)
     return stream.getvalue()
