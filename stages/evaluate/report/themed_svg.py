@@ -52,7 +52,8 @@ def svg_uri(svg: bytes) -> str:
     """The drawing as a `data:` address that stands between double quotes; a third shorter than base64."""
     text = re.sub(r"\s+", " ", svg.decode()).replace("> <", "><").replace('"', "'")
     text = re.sub(r"(?<=\d) ?([MLQCz]) ?", r"\1", text)
-    return "data:image/svg+xml," + text.replace("%", "%25").replace("#", "%23")
+    # A `srcset` ends an address at a space, and takes one that ends with a comma for two.
+    return "data:image/svg+xml," + text.replace("%", "%25").replace("#", "%23").replace(" ", "%20")
 
 
 def _rounded(found: re.Match[bytes]) -> bytes:
