@@ -27,38 +27,56 @@ GREY_BELOW = 0.2
 
 COLOURS = 32
 
+SHARE = 75
+"""The size of an image in the page, in per cent of that in the file."""
+
 _IMAGE = re.compile(rb'<image [^>]*?xlink:href="data:image/png;base64,([^"]+)"[^>]*?/>', re.DOTALL)
-_NUMBERS = re.compile(rb' (?:d|x|y)="[^"]*"')
+_STYLED = re.compile(rb'(<(?:path|g|use|rect)\b[^>]*?) style="([^"]*)"')
+_COLOUR = re.compile(r"#[0-9a-f]{6}")
+_NUMBERS = re.compile(rb' (?:d|x|y)="[^"]*"|translate\([^)]*\)')
 
 
 def themed_svg(svg: bytes) -> bytes:
     """matplotlib's drawing with a style for dark pages, and its images in few colours, grey ones apart."""
-    rules = "".join(
-        f'[style*="{what}: {light}"]{{{what}:{dark}!important}}'
-        for light, dark in DARK.items()
-        for what in ("fill", "stroke")
-        if f"{what}: {light}".encode() in svg
-    )
-    # Texts without a colour are black. Points are darker the higher they are, and brighter on a dark page.
-    rules += f"svg{{fill:{DARK['#000000']}}}.grey{{filter:invert(1) hue-rotate(180deg)}}"
-    rules += ".coloured{filter:brightness(1.25)}"
-    style = f"<style>@media screen and (prefers-color-scheme:dark){{{rules}}}</style>".encode()
     svg = re.sub(rb"<metadata>.*?</metadata>", b"", svg, count=1, flags=re.DOTALL)
     head, start, body = svg.partition(b"<defs>")
-    return _NUMBERS.sub(_rounded, head + style + start + _IMAGE.sub(_split, body))
+    styles: dict[str, str] = {}
+
+    def to_class(found: re.Match[bytes]) -> bytes:
+        name = styles.setdefault(found[2].decode(), f"s{len(styles)}")
+        return found[1] + b' class="' + name.encode() + b'"'
+
+    body = _NUMBERS.sub(_rounded, _STYLED.sub(to_class, _IMAGE.sub(_split, body)))
+    plain = "".join(f".{name}{{{_short(style)}}}" for style, name in styles.items())
+    # Texts without a colour are black. Points are darker the higher they are, and brighter on a dark page.
+    dark = f"svg{{fill:{DARK['#000000']}}}.grey{{filter:invert(1) hue-rotate(180deg)}}"
+    dark += ".coloured{filter:brightness(1.25)}"
+    dark += "".join(
+        f".{name}{{{_short(_COLOUR.sub(lambda found: DARK.get(found[0], found[0]), style))}}}"
+        for style, name in styles.items()
+        if any(colour in DARK for colour in _COLOUR.findall(style))
+    )
+    style = f"<style>{plain}@media screen and (prefers-color-scheme:dark){{{dark}}}</style>"
+    return head + style.encode() + start + body
+
+
+def _short(style: str) -> str:
+    """The style without what a browser does anyway."""
+    return re.sub(r"\s+|stroke-dashoffset:\s*0;?|stroke-linejoin:\s*miter;?", "", style)
 
 
 def svg_uri(svg: bytes) -> str:
     """The drawing as a `data:` address that stands between double quotes; a third shorter than base64."""
     text = re.sub(r"\s+", " ", svg.decode()).replace("> <", "><").replace('"', "'")
-    text = re.sub(r"(?<=\d) ?([MLQCz]) ?", r"\1", text)
+    text = re.sub(r"(?<=[\d']) ?([MLQCz]) ?", r"\1", text)
+    text = re.sub(r"(?<=\d) (?=[-\d])", ",", text)
     # A `srcset` ends an address at a space, and takes one that ends with a comma for two.
     return "data:image/svg+xml," + text.replace("%", "%25").replace("#", "%23").replace(" ", "%20")
 
 
 def _rounded(found: re.Match[bytes]) -> bytes:
-    """Coordinates to hundredths of a point."""
-    return re.sub(rb"(\.\d\d)\d+", rb"\1", found[0])
+    """Coordinates to tenths of a point."""
+    return re.sub(rb"(\.\d)\d+", rb"\1", found[0]).replace(b".0 ", b" ")
 
 
 def _split(found: re.Match[bytes]) -> bytes:
@@ -81,6 +99,12 @@ def _split(found: re.Match[bytes]) -> bytes:
 def _webp(pixels: np.ndarray) -> bytes:
     """The pixels in few colours, without a further loss."""
     stream = BytesIO()
-    few = Image.fromarray(pixels).quantize(COLOURS, Image.Quantize.FASTOCTREE).convert("RGBA")
+    size = (pixels.shape[1] * SHARE // 100, pixels.shape[0] * SHARE // 100)
+    few = (
+        Image.fromarray(pixels)
+        .resize(size, Image.Resampling.BOX)
+        .quantize(COLOURS, Image.Quantize.FASTOCTREE)
+        .convert("RGBA")
+    )
     few.save(stream, "WEBP", lossless=True, quality=50, method=4)
     return stream.getvalue()

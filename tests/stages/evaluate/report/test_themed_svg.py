@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import re
+from urllib.parse import unquote
+from xml.etree import ElementTree
 
 import numpy as np
 from PIL import Image
@@ -12,7 +14,7 @@ from PIL import Image
 from advpipe.pipeline.core.figure import Figure
 from advpipe.stages.evaluate.report.pictures import to_svg
 from advpipe.stages.evaluate.report.style import DISPLACED, INK, LOST
-from advpipe.stages.evaluate.report.themed_svg import DARK, themed_svg
+from advpipe.stages.evaluate.report.themed_svg import DARK, svg_uri, themed_svg
 
 
 def drawing() -> bytes:
@@ -27,12 +29,27 @@ def drawing() -> bytes:
 
 def test_a_dark_page_changes_ink_and_paper_and_keeps_orange() -> None:
     page = themed_svg(drawing()).decode()
-    style = page[page.index("<style>@media") : page.index("</style>")]
-    assert "prefers-color-scheme:dark" in style
-    assert f'[style*="stroke: {INK}"]{{stroke:{DARK[INK]}!important}}' in style
-    assert '[style*="fill: #ffffff"]' in style
+    style = page[page.index("<style>") : page.index("</style>")]
+    light, dark = style.split("@media screen and (prefers-color-scheme:dark){")
+    for property_, colour in (("stroke", INK), ("fill", "#ffffff")):
+        (name,) = re.findall(rf"(\.s\d+){{[^}}]*{property_}:{colour}", light)
+        assert re.search(rf"{re.escape(name)}{{[^}}]*{property_}:{DARK[colour]}", dark)
+        assert f'class="{name[1:]}"' in page
     assert LOST not in DARK
-    assert LOST in page
+    assert LOST in light
+    assert LOST not in dark
+
+
+def test_it_stands_in_an_attribute_and_in_a_srcset() -> None:
+    uri = svg_uri(themed_svg(drawing()))
+    assert not set(uri) & set('" #')
+    text = unquote(uri.removeprefix("data:image/svg+xml,"))
+    paths = [each for each in ElementTree.fromstring(text).iter() if each.tag.endswith("path")]
+    as_drawn = [each for each in ElementTree.fromstring(drawing()).iter() if each.tag.endswith("path")]
+    assert len(paths) == len(as_drawn) > 2
+    for short, long in zip(paths, as_drawn, strict=True):
+        numbers = [[float(n) for n in re.findall(r"-?[\d.]+", each.get("d"))] for each in (short, long)]
+        np.testing.assert_allclose(*numbers, atol=0.1)
 
 
 def test_displaced_stays_teal() -> None:
