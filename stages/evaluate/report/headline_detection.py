@@ -193,10 +193,9 @@ def _interval_of(each: EffectRecord, what: str) -> str:
 
 
 def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
-    """The interval; where there is none, the first card says why."""
-    if shown := _interval_of(each, what):
-        return f"95 % interval {shown}"
-    return no_interval(row.counts) if what == "strict" else ""
+    """The interval, or why there is none."""
+    shown = _interval_of(each, what)
+    return f"95 % interval {shown}" if shown else no_interval(row.counts)
 
 
 def _beside(baseline: EffectRecord | None, value: Value, what: str) -> str:
@@ -212,8 +211,7 @@ def _in_brackets(each: EffectRecord, what: str) -> str:
 
 def _map_card(title: str, mean: CleanMeans, counts: FrameCounts, term: str) -> Card:
     cell = interval_cell(mean.map_r40_ci95, counts, 3)
-    has_none = cell.startswith(NO_INTERVAL)
-    bounds = (cell if term == "map" else "") if has_none else f"95 % interval {cell}"
+    bounds = cell if cell.startswith(NO_INTERVAL) else f"95 % interval {cell}"
     return Card(title, formatted_number(mean.map_r40, 3), bounds, term=term)
 
 

@@ -8,8 +8,11 @@ from collections.abc import Mapping, Sequence
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.v2x import LdmMetrics, V2xRecord
 from advpipe.stages.evaluate.report.headline_parts import Card, Headline
-from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number
+from advpipe.stages.evaluate.report.numbers import NO_INTERVAL, NOTHING, formatted_number
 from advpipe.stages.evaluate.report.section import Table
+
+ONE_DRIVE = f"one drive, {NO_INTERVAL}"
+"""In place of an interval: the values are of one drive."""
 
 
 def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
@@ -41,6 +44,7 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
         Card(
             "Mean position error",
             _metres(attacked.mean_m),
+            ONE_DRIVE,
             beside=f"clean: {_metres(clean.mean_m)}",
             meaning="while the GPS fixes are attacked",
             attacked=f"attacked or not: {_metres(whole[1].mean_m)} (clean: {_metres(whole[0].mean_m)})"
@@ -50,6 +54,7 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
         Card(
             "Attacked fixes flagged",
             _percent(worst.detection_rate),
+            ONE_DRIVE,
             beside=f"clean fixes flagged: {_percent(worst.false_alarm_rate)}",
             meaning="all attacked fixes are lost" if _is_jammed(worst) else "by the innovation test",
             term="innovation_test",
@@ -130,6 +135,7 @@ def _flag_cards(worst: V2xRecord) -> tuple[Card, ...]:
         Card(
             "False messages flagged",
             _percent(worst.ours.recall),
+            ONE_DRIVE,
             beside=f"baseline (CaTCH's checks): {_percent(worst.baseline.recall)}",
             meaning=f"of {worst.false_messages:,}: recall of the misbehaviour detector",
             term="false message",
@@ -137,6 +143,7 @@ def _flag_cards(worst: V2xRecord) -> tuple[Card, ...]:
         Card(
             "Flagged messages that are false",
             _percent(worst.ours.precision),
+            ONE_DRIVE,
             beside=f"baseline (CaTCH's checks): {_percent(worst.baseline.precision)}",
             meaning="precision of the misbehaviour detector",
             term="false message",
@@ -149,6 +156,7 @@ def _loss_cards(worst: V2xRecord) -> tuple[Card, ...]:
         Card(
             "Honest messages received",
             _percent(worst.honest_delivered),
+            ONE_DRIVE,
             beside=f"clean: {_percent(worst.honest_delivered_clean)}",
             meaning=f"by {worst.vehicle}, of those sent within 300 m",
             term="delivered",
@@ -168,6 +176,7 @@ def _map_card(worst: V2xRecord, clean: V2xRecord | None) -> Card:
     return Card(
         "Wrong entries of the map",
         _number(_wrong(worst.ldm), 1),
+        ONE_DRIVE,
         beside=f"clean: {_number(_wrong(clean.ldm if clean else None), 1)}",
         meaning=f"false, missing or displaced in {_owned(worst.vehicle)} Local Dynamic Map (mean)",
         term="false, missing, displaced",
