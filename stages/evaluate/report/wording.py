@@ -36,6 +36,16 @@ def lost_means(min_score: object) -> str:
     return f"at loose overlap and a score of at least {score}"
 
 
+def marks_mean(min_score: float, is_attacked: bool) -> str:
+    """What the marked objects of a frame are, without a full stop."""
+    if not is_attacked:
+        return f"Missed: without a box {lost_means(min_score)} ({OVERLAPS})"
+    return (
+        f"Lost: without a box {lost_means(min_score)}; displaced: with such a box, but none at strict "
+        f"overlap ({OVERLAPS}). Beside each object: score and IoU of the best box of it that is left"
+    )
+
+
 class Change(NamedTuple):
     """What was done to the points of clouds, as the subject of a sentence and as a title has it."""
 
