@@ -38,12 +38,14 @@ def lost_means(min_score: object) -> str:
 
 def marks_mean(min_score: float, is_attacked: bool) -> str:
     """What the marked objects of a frame are, without a full stop."""
-    if not is_attacked:
-        return f"Missed: without a box {lost_means(min_score)} ({OVERLAPS})"
-    return (
-        f"Lost: without a box {lost_means(min_score)}; displaced: with such a box, but none at strict "
-        f"overlap ({OVERLAPS}). Beside each object: score and IoU of the best box of it that is left"
+    what = "Lost" if is_attacked else "Missed"
+    text = (
+        f"{what}: no box with a score of at least {min_score:.2f} at loose overlap "
+        "(3D IoU 0.5; people and two-wheelers 0.25)"
     )
+    if not is_attacked:
+        return text
+    return f"{text}; displaced: none at strict overlap (0.7; 0.5). Labels: the best box left"
 
 
 class Change(NamedTuple):
