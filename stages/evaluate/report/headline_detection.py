@@ -57,6 +57,7 @@ def detection_headline(report: Report) -> Headline:
     return Headline(
         _verdict(row, attack, effects, len(rows)),
         cards,
+        does=done.does if (done := changed_points(row)) else "",
         clause=left,
         shown=f"{attack_title(row.attack)}, the strongest of {len(rows)} attacks" if len(rows) > 1 else "",
         table=_table(report, rows) if len(rows) > 1 else None,
@@ -133,15 +134,14 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
     done = changed_points(row)
     subject = done.active if done else f"Attack {attack_title(row.attack)}"
     if attack_count > 1:
-        title = attack_title(row.attack)
-        subject = f"{subject[0].lower()}{subject[1:]} ({title})" if done else title
+        subject = f"{subject[0].lower()}{subject[1:]}"
         subject = f"The strongest of {attack_count} attacks: {subject}"
     if math.isnan(attack.map_ratio_percent):
         return f"{subject}: the mAP ratio is {undefined_ratio(row.clean.means['strict'].map_r40)}."
     text = f"{subject} leaves the detector {_left(attack)}"
     if random := _to_beat(effects):
         text += (
-            f"; {_name(row)}, which spends the same budget randomly, leaves "
+            f"; the same budget spent at random, {_best_of(row)}, leaves "
             f"{_percent(random.map_ratio_percent)} and {_percent(random.map_loose_ratio_percent)}"
         )
     return text + "."
@@ -221,6 +221,13 @@ def _name(row: ResultRow) -> str:
     title = baseline_title(RANDOM_BEST, made_by.baseline_tries)
     is_short = made_by.query_budget is not None and made_by.baseline_tries < made_by.query_budget
     return f"{title} (the attack {made_by.query_budget})" if is_short else title
+
+
+def _best_of(row: ResultRow) -> str:
+    """The tries of the baseline to beat, in words; with fewer than the attack, it says so."""
+    tries, budget = row.attack.baseline_tries, row.attack.query_budget
+    text = f"best of {counted(tries, 'try', 'tries')}" if tries else "best of its tries"
+    return f"{text} (the attack: best of {budget})" if budget is not None and tries < budget else text
 
 
 def _table(report: Report, rows: Sequence[ResultRow]) -> Table:

@@ -10,6 +10,7 @@ from advpipe.pipeline.results.v2x import LdmMetrics, V2xRecord
 from advpipe.stages.evaluate.report.headline_parts import Card, Headline
 from advpipe.stages.evaluate.report.numbers import NO_INTERVAL, NOTHING, formatted_number
 from advpipe.stages.evaluate.report.section import Table
+from advpipe.stages.evaluate.report.wording import v2x_deed
 
 ONE_DRIVE = f"one drive, {NO_INTERVAL}"
 """In place of an interval: the values are of one drive."""
@@ -20,12 +21,15 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
     known = [each for each in records if not math.isnan(each.adversarial.max_m)] or records
     worst = max(known, key=lambda each: each.adversarial.max_m)
     clean, attacked, owner = worst.clean, worst.adversarial, _owned(worst.vehicle)
-    fixes = f"{worst.attacked:,} of {owner} {worst.fixes:,} GPS fixes"
-    does = "jams" if _is_jammed(worst) else "changes"
+    fixes = f"{worst.attacked:,} of {worst.fixes:,}"
+    several = len({each.bag for each in records}) > 1
+    does = (
+        f"jams the GPS of {worst.vehicle}" if _is_jammed(worst) else f"feeds {worst.vehicle} false GPS fixes"
+    )
     verdict = (
-        f"Attack {worst.bag} {does} {fixes} and puts the estimate of its position up to "
-        f"{_number(attacked.max_m, 1)} m off, {_number(attacked.mean_m, 1)} m in the mean; in the clean "
-        f"drive it is up to {_number(clean.max_m, 1)} m off."
+        f"The {'strongest ' * several}attack {does} ({fixes}) and puts the vehicle's estimate of its "
+        f"position up to {_number(attacked.max_m, 1)} m off, {_number(attacked.mean_m, 1)} m in the mean; in "
+        f"the clean drive it is up to {_number(clean.max_m, 1)} m off."
     )
     if not _is_jammed(worst):
         verdict += (
@@ -60,11 +64,11 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
             term="innovation_test",
         ),
     )  # fmt: skip
-    several = len({each.bag for each in records}) > 1
     return Headline(
         verdict,
         cards,
-        done=f"{fixes} {'jammed' if _is_jammed(worst) else 'changed'}",
+        done=f"{fixes} GPS fixes of {worst.vehicle} {'jammed' if _is_jammed(worst) else 'changed'}",
+        does=does,
         clause=f"puts {owner} estimate of its position up to {_number(attacked.max_m, 1)} m off (clean: "
         f"{_number(clean.max_m, 1)} m)",
         shown=f"{worst.bag}, with the largest error" if several else "",
@@ -103,22 +107,23 @@ def v2x_headline(records: Sequence[V2xRecord], clean: Mapping[str, V2xRecord]) -
     owner = _owned(worst.vehicle)
     wrong, before = _wrong(worst.ldm), clean.get(worst.vehicle)
     wrong_clean = _wrong(before.ldm if before else None)
-    verdict = (
-        f"Vehicles receive {worst.false_messages:,} false messages of attack {worst.attack}; their checks "
-        f"flag {_percent(worst.ours.recall)} of these, the baseline's (CaTCH) "
-        f"{_percent(worst.baseline.recall)}."
+    several = len({each.bag for each in records}) > 1
+    does = v2x_deed(worst.attack)
+    verdict = f"The {'least detected ' * several}attack {does}. " + (
+        f"Vehicles receive {worst.false_messages:,} false messages; their checks flag "
+        f"{_percent(worst.ours.recall)} of these, the baseline's (CaTCH) {_percent(worst.baseline.recall)}."
         if worst.false_messages
-        else f"No vehicle with a recorder receives a false message of attack {worst.attack}."
+        else "No vehicle with a recorder receives a false message."
     )
     verdict += (
         f" Of the entries in {owner} Local Dynamic Map, its record of the traffic around it, "
         f"{_number(wrong, 1)} are wrong in the mean; in the clean drive {_number(wrong_clean, 1)}."
     )
-    several = len({each.bag for each in records}) > 1
     return Headline(
         verdict,
         (*(_flag_cards(worst) if worst.false_messages else _loss_cards(worst)), _map_card(worst, before)),
         done=f"{worst.false_messages:,} false messages received" if worst.false_messages else "",
+        does=does,
         clause=f"makes {_number(wrong, 1)} entries of {owner} Local Dynamic Map, its record of the traffic "
         f"around it, wrong in the mean (clean: {_number(wrong_clean, 1)})",
         shown=f"{worst.bag}, whose messages are flagged least" if several else "",

@@ -27,15 +27,16 @@ class Card:
 class Headline:
     """What one family of attacks did.
 
-    done: what the attack did, as a title has it. clause: the verdict after the words "the attack". shown: the
-    attack that the cards are of, where there are several. table: one line an attack, where there are several.
-    bag: of the attack on the cards. section: the id of the part of the page that tells more. target: what
-    the attacks change. attacks: their names, as a title lists them.
+    done: what the attack did, as a title has it. does: the same after the words "the attack". clause: the
+    verdict after these words. shown: the attack that the cards are of, where there are several. table: one
+    line an attack, where there are several. bag: of the attack on the cards. section: the id of the part of
+    the page that tells more. target: what the attacks change. attacks: their names, as a title lists them.
     """
 
     verdict: str
     cards: tuple[Card, ...]
     done: str = ""
+    does: str = ""
     clause: str = ""
     shown: str = ""
     table: Table | None = None

@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from place_drive import DETECTOR, FRAMES, hide_first_car
 
 from advpipe.stages.evaluate.report.headline import first_screen
+from advpipe.stages.evaluate.report.wording import v2x_deed
 from advpipe.stages.evaluate.run import Options, evaluate
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -40,6 +41,8 @@ def test_an_attack_on_all_frames(clean, attacked, tmp_path):
     strongest = min(each["map_ratio_percent"] for each in baselines)
     assert strict.beside.endswith(f": {strongest:.1f} %")
     assert headline.verdict.startswith("Removing ")
+    assert headline.does.startswith("removes ")
+    assert "; the same budget spent at random, best of " in headline.verdict
     assert (
         f"leaves the detector {strict.value} of its average precision at strict overlap" in headline.verdict
     )
@@ -69,3 +72,10 @@ def test_a_clean_bag_alone(clean, tmp_path):
     (headline,) = first.headlines
     assert [card.title for card in headline.cards] == ["mAP, strict", "mAP, loose", "Objects found"]
     assert f"{4 * FRAMES} of {4 * FRAMES}" in headline.verdict
+
+
+def test_the_verdict_says_what_an_attack_on_messages_does():
+    assert v2x_deed("cam-sybil-congestion+gnss-relocate").startswith("announces ghost vehicles")
+    assert v2x_deed("cam-dos-random-sybil") == "floods the radio channel with V2X messages"
+    assert v2x_deed("cam-position-offset") == "announces false positions in V2X messages"
+    assert v2x_deed("mine") == "sends false V2X messages"
