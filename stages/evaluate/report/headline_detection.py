@@ -12,7 +12,7 @@ from advpipe.pipeline.results.records import EffectRecord
 from advpipe.pipeline.results.row import RANDOM_BEST, FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
-from advpipe.stages.evaluate.report.headline_parts import Card, Headline
+from advpipe.stages.evaluate.report.headline_parts import BAD, Card, Headline
 from advpipe.stages.evaluate.report.numbers import (
     NO_INTERVAL,
     formatted_number,
@@ -29,6 +29,9 @@ from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import TO_BEAT, changed_points
 
 Value = Callable[[EffectRecord], float]
+
+SAME_PERCENT = 99.0
+"""From this mAP ratio on, nothing of note has happened to the detector."""
 
 
 def strongest_attack(rows: Sequence[ResultRow]) -> ResultRow:
@@ -169,6 +172,7 @@ def _ratio_card(
         "of the clean mAP is left; lower is worse for the detector",
         "map_ratio" if criterion == "strict" else "iou",
         compared=_name(row) if random else "",
+        meant=BAD if value(attack) < SAME_PERCENT else "",
     )
 
 
@@ -183,6 +187,7 @@ def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRec
         f"{attack.displaced_objects:,} more are displaced",
         "lost",
         compared=_name(row) if random else "",
+        meant=BAD if attack.lost_objects else "",
     )
 
 

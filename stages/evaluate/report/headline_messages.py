@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.v2x import LdmMetrics, V2xRecord
-from advpipe.stages.evaluate.report.headline_parts import Card, Headline
+from advpipe.stages.evaluate.report.headline_parts import BAD, Card, Headline, meant_by_more, meant_by_share
 from advpipe.stages.evaluate.report.numbers import NO_INTERVAL, NOTHING, formatted_number
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import v2x_deed
@@ -42,6 +42,7 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
         Card(
             "Largest position error",
             _metres(attacked.max_m),
+            meant=meant_by_more(attacked.max_m, clean.max_m),
             beside=f"clean: {_metres(clean.max_m)}",
             meaning="while the GPS fixes are attacked",
         ),
@@ -49,6 +50,7 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
             "Mean position error",
             _metres(attacked.mean_m),
             ONE_DRIVE,
+            meant=meant_by_more(attacked.mean_m, clean.mean_m),
             beside=f"clean: {_metres(clean.mean_m)}",
             meaning="while the GPS fixes are attacked",
             attacked=f"attacked or not: {_metres(whole[1].mean_m)} (clean: {_metres(whole[0].mean_m)})"
@@ -59,6 +61,7 @@ def localisation_headline(records: Sequence[LocalisationRecord]) -> Headline:
             "Attacked fixes flagged",
             _percent(worst.detection_rate),
             ONE_DRIVE,
+            meant=meant_by_share(worst.detection_rate),
             beside=f"clean fixes flagged: {_percent(worst.false_alarm_rate)}",
             meaning="all attacked fixes are lost" if _is_jammed(worst) else "by the innovation test",
             term="innovation_test",
@@ -141,6 +144,7 @@ def _flag_cards(worst: V2xRecord) -> tuple[Card, ...]:
             "False messages flagged",
             _percent(worst.ours.recall),
             ONE_DRIVE,
+            meant=meant_by_share(worst.ours.recall),
             beside=f"baseline (CaTCH's checks): {_percent(worst.baseline.recall)}",
             meaning=f"of {worst.false_messages:,}: recall of the misbehaviour detector",
             term="false message",
@@ -149,6 +153,7 @@ def _flag_cards(worst: V2xRecord) -> tuple[Card, ...]:
             "Flagged messages that are false",
             _percent(worst.ours.precision),
             ONE_DRIVE,
+            meant=meant_by_share(worst.ours.precision),
             beside=f"baseline (CaTCH's checks): {_percent(worst.baseline.precision)}",
             meaning="precision of the misbehaviour detector",
             term="false message",
@@ -162,6 +167,7 @@ def _loss_cards(worst: V2xRecord) -> tuple[Card, ...]:
             "Honest messages received",
             _percent(worst.honest_delivered),
             ONE_DRIVE,
+            meant=meant_by_more(1 - worst.honest_delivered, 1 - worst.honest_delivered_clean),
             beside=f"clean: {_percent(worst.honest_delivered_clean)}",
             meaning=f"by {worst.vehicle}, of those sent within 300 m",
             term="delivered",
@@ -169,6 +175,7 @@ def _loss_cards(worst: V2xRecord) -> tuple[Card, ...]:
         Card(
             "Missed dangers",
             f"{worst.warning.misses:,}",
+            meant=BAD if worst.warning.misses else "",
             beside=f"false alarms: {worst.warning.false_alarms:,}",
             meaning=f"of {worst.warning.dangers:,}: {_owned(worst.vehicle)} collision warning stays silent",
             term="warning",
@@ -182,6 +189,7 @@ def _map_card(worst: V2xRecord, clean: V2xRecord | None) -> Card:
         "Wrong entries of the map",
         _number(_wrong(worst.ldm), 1),
         ONE_DRIVE,
+        meant=meant_by_more(_wrong(worst.ldm), _wrong(clean.ldm if clean else None)),
         beside=f"clean: {_number(_wrong(clean.ldm if clean else None), 1)}",
         meaning=f"false, missing or displaced in {_owned(worst.vehicle)} Local Dynamic Map (mean)",
         term="false, missing, displaced",

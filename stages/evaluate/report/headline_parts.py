@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 from advpipe.stages.evaluate.report.section import Table
 
+GOOD, BAD = "good", "bad"
+"""What a value on a card means for the vehicle; neither where the attack changed nothing."""
+
 
 @dataclass(frozen=True)
 class Card:
     """One of the main values. interval: its 95 % interval, or why there is none; beside: what it is compared
     with, and compared: more on that; attacked: the value over the attacked frames alone, where these are not
-    all; term: name of the definition that it is linked with."""
+    all; term: name of the definition that it is linked with; meant: `GOOD`, `BAD` or neither."""
 
     title: str
     value: str
@@ -21,6 +24,7 @@ class Card:
     term: str = ""
     attacked: str = ""
     compared: str = ""
+    meant: str = ""
 
 
 @dataclass(frozen=True)
@@ -44,3 +48,13 @@ class Headline:
     section: str = ""
     target: str = ""
     attacks: tuple[str, ...] = ()
+
+
+def meant_by_more(attacked: float, clean: float) -> str:
+    """Bad where the attack at least doubles a value that is better the lower it is."""
+    return BAD if attacked > 0 and attacked >= 2 * clean else ""
+
+
+def meant_by_share(share: float) -> str:
+    """Good from 0.9 on, bad below 0.5: of a share in [0, 1] that is better the higher it is."""
+    return GOOD if share >= 0.9 else BAD if share < 0.5 else ""

@@ -1,6 +1,7 @@
 """The first screen: what was done, how bad it is, and the values of report.json on cards."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from place_drive import DETECTOR, FRAMES, hide_first_car
 
 from advpipe.stages.evaluate.report.headline import first_screen
+from advpipe.stages.evaluate.report.headline_parts import BAD, GOOD, meant_by_more, meant_by_share
 from advpipe.stages.evaluate.report.wording import v2x_deed
 from advpipe.stages.evaluate.run import Options, evaluate
 
@@ -35,6 +37,7 @@ def test_an_attack_on_all_frames(clean, attacked, tmp_path):
     assert strict.value == f"{attack['map_ratio_percent']:.1f} %"
     assert loose.value == f"{attack['map_loose_ratio_percent']:.1f} %"
     assert lost.value == "25.0 %"
+    assert strict.meant == lost.meant == BAD
     assert lost.meaning.startswith("6 of 24 found objects")
     assert [card.interval for card in headline.cards] == ["no interval: 6 frames"] * 3
     assert strict.attacked == ""
@@ -79,3 +82,9 @@ def test_the_verdict_says_what_an_attack_on_messages_does():
     assert v2x_deed("cam-dos-random-sybil") == "floods the radio channel with V2X messages"
     assert v2x_deed("cam-position-offset") == "announces false positions in V2X messages"
     assert v2x_deed("mine") == "sends false V2X messages"
+
+
+def test_a_value_is_red_where_it_is_bad_and_green_where_it_is_good():
+    assert [meant_by_share(share) for share in (1.0, 0.7, 0.0, math.nan)] == [GOOD, "", BAD, ""]
+    assert [meant_by_more(attacked, 1.5) for attacked in (1.6, 57.0, math.nan)] == ["", BAD, ""]
+    assert meant_by_more(0.0, 0.0) == ""
