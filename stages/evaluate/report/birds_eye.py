@@ -215,7 +215,7 @@ def _draw_frame_of(axes: Axes, limits: Limits) -> None:
 
 
 def legend(scene: ReportScene) -> list[Line2D]:
-    """An entry for each thing in the picture."""
+    """An entry for each thing in the picture; the longest are last."""
 
     def dot(colour: str, text: str) -> Line2D:
         return Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=text)
@@ -228,12 +228,6 @@ def legend(scene: ReportScene) -> list[Line2D]:
         entries.insert(
             1, Line2D([], [], color=TRUTH, linewidth=1, linestyle="dotted", label="truth, ignored")
         )
-    if scene.lost.any():
-        label = "lost object (not found), score and IoU" if scene.after else "missed object (loose overlap)"
-        entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=label))
-    if scene.displaced is not None and scene.displaced.any():
-        label = "displaced object (loose overlap only)"
-        entries.append(Line2D([], [], color=DISPLACED, linewidth=2, linestyle="dashed", label=label))
     if scene.change:
         for count, colour, label in (
             (len(scene.change.removed), REMOVED, "removed"),
@@ -242,4 +236,11 @@ def legend(scene: ReportScene) -> list[Line2D]:
         ):
             if count:
                 entries.append(dot(colour, f"{count:,} points {label}"))
+    if scene.lost.any():
+        what = "lost" if scene.after else "missed"
+        label = f"{what}: no box with score ≥ {scene.min_score:.2f} at loose overlap"
+        entries.append(Line2D([], [], color=LOST, linewidth=2, linestyle="dashed", label=label))
+    if scene.displaced is not None and scene.displaced.any():
+        label = "displaced: at loose overlap only"
+        entries.append(Line2D([], [], color=DISPLACED, linewidth=2, linestyle="dashed", label=label))
     return entries

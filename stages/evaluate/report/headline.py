@@ -37,9 +37,14 @@ def first_screen(report: Report) -> FirstScreen:
         headlines = (clean_headline(report.results[0]),)
     verdicts = tuple(headline.verdict for headline in headlines)
     if _is_one_coordinated_attack(report):
-        verdicts = (f"The attack {_listed([headline.clause for headline in headlines])}.",)
+        does = _listed([headline.does for headline in headlines if headline.does])
+        clauses = _listed([headline.clause for headline in headlines])
+        verdicts = (f"The attack {does}. It {clauses}." if does else f"The attack {clauses}.",)
     elif len(headlines) > 1:
-        first, *others = (f"on {headline.target} {headline.clause}" for headline in headlines)
+        first, *others = (
+            f"on {headline.target} {' and '.join(filter(None, (headline.does, headline.clause)))}"
+            for headline in headlines
+        )
         verdicts = (f"The strongest attack {'; that '.join([first, *others])}.",)
     return FirstScreen(_title(report, headlines), _about(report), verdicts, headlines)
 

@@ -12,7 +12,7 @@ from advpipe.pipeline.results.records import EffectRecord
 from advpipe.pipeline.results.row import RANDOM_BEST, FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.effect import ALL, ATTACKED
-from advpipe.stages.evaluate.report.headline_parts import Card, Headline
+from advpipe.stages.evaluate.report.headline_parts import BAD, Card, Headline
 from advpipe.stages.evaluate.report.numbers import (
     NO_INTERVAL,
     formatted_number,
@@ -29,6 +29,9 @@ from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import TO_BEAT, changed_points
 
 Value = Callable[[EffectRecord], float]
+
+SAME_PERCENT = 99.0
+"""From this mAP ratio on, nothing of note has happened to the detector."""
 
 
 def strongest_attack(rows: Sequence[ResultRow]) -> ResultRow:
@@ -57,6 +60,7 @@ def detection_headline(report: Report) -> Headline:
     return Headline(
         _verdict(row, attack, effects, len(rows)),
         cards,
+        does=done.does if (done := changed_points(row)) else "",
         clause=left,
         shown=f"{attack_title(row.attack)}, the strongest of {len(rows)} attacks" if len(rows) > 1 else "",
         table=_table(report, rows) if len(rows) > 1 else None,
@@ -133,15 +137,14 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
     done = changed_points(row)
     subject = done.active if done else f"Attack {attack_title(row.attack)}"
     if attack_count > 1:
-        title = attack_title(row.attack)
-        subject = f"{subject[0].lower()}{subject[1:]} ({title})" if done else title
+        subject = f"{subject[0].lower()}{subject[1:]}"
         subject = f"The strongest of {attack_count} attacks: {subject}"
     if math.isnan(attack.map_ratio_percent):
         return f"{subject}: the mAP ratio is {undefined_ratio(row.clean.means['strict'].map_r40)}."
     text = f"{subject} leaves the detector {_left(attack)}"
     if random := _to_beat(effects):
         text += (
-            f"; {_name(row)}, which spends the same budget randomly, leaves "
+            f"; the same budget spent at random, {_best_of(row)}, leaves "
             f"{_percent(random.map_ratio_percent)} and {_percent(random.map_loose_ratio_percent)}"
         )
     return text + "."
@@ -169,6 +172,7 @@ def _ratio_card(
         "of the clean mAP is left; lower is worse for the detector",
         "map_ratio" if criterion == "strict" else "iou",
         compared=_name(row) if random else "",
+        meant=BAD if value(attack) < SAME_PERCENT else "",
     )
 
 
@@ -183,6 +187,7 @@ def _lost_card(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRec
         f"{attack.displaced_objects:,} more are displaced",
         "lost",
         compared=_name(row) if random else "",
+        meant=BAD if attack.lost_objects else "",
     )
 
 
@@ -193,10 +198,9 @@ def _interval_of(each: EffectRecord, what: str) -> str:
 
 
 def _bounds(row: ResultRow, each: EffectRecord, what: str) -> str:
-    """The interval; where there is none, the first card says why."""
-    if shown := _interval_of(each, what):
-        return f"95 % interval {shown}"
-    return no_interval(row.counts) if what == "strict" else ""
+    """The interval, or why there is none."""
+    shown = _interval_of(each, what)
+    return f"95 % interval {shown}" if shown else no_interval(row.counts)
 
 
 def _beside(baseline: EffectRecord | None, value: Value, what: str) -> str:
@@ -212,8 +216,7 @@ def _in_brackets(each: EffectRecord, what: str) -> str:
 
 def _map_card(title: str, mean: CleanMeans, counts: FrameCounts, term: str) -> Card:
     cell = interval_cell(mean.map_r40_ci95, counts, 3)
-    has_none = cell.startswith(NO_INTERVAL)
-    bounds = (cell if term == "map" else "") if has_none else f"95 % interval {cell}"
+    bounds = cell if cell.startswith(NO_INTERVAL) else f"95 % interval {cell}"
     return Card(title, formatted_number(mean.map_r40, 3), bounds, term=term)
 
 
@@ -223,6 +226,13 @@ def _name(row: ResultRow) -> str:
     title = baseline_title(RANDOM_BEST, made_by.baseline_tries)
     is_short = made_by.query_budget is not None and made_by.baseline_tries < made_by.query_budget
     return f"{title} (the attack {made_by.query_budget})" if is_short else title
+
+
+def _best_of(row: ResultRow) -> str:
+    """The tries of the baseline to beat, in words; with fewer than the attack, it says so."""
+    tries, budget = row.attack.baseline_tries, row.attack.query_budget
+    text = f"best of {counted(tries, 'try', 'tries')}" if tries else "best of its tries"
+    return f"{text} (the attack: best of {budget})" if budget is not None and tries < budget else text
 
 
 def _table(report: Report, rows: Sequence[ResultRow]) -> Table:

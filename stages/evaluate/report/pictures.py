@@ -23,6 +23,7 @@ from advpipe.stages.evaluate.report.ratios import draw_ratios
 from advpipe.stages.evaluate.report.scene import attack_name, best_frames, load_scene, worst_frames
 from advpipe.stages.evaluate.report.section import ATTACK, CLEAN, FIRST_SCREEN, OVERVIEW, ReportPicture
 from advpipe.stages.evaluate.report.strata_plot import draw_strata
+from advpipe.stages.evaluate.report.wording import marks_mean
 from advpipe.stages.evaluate.report.worst_picture import draw_worst
 
 WORST, BEST = 3, 1
@@ -105,7 +106,8 @@ def _bag_pictures(
                 for shape in ("wide", "tall"):
                     name = f"{scene.name}-{shape}.png"
                     figure = draw_worst(scene, is_tall=shape == "tall")
-                    drawn = picture_of(FIRST_SCREEN, bag, name, caption, figure, shape == "wide")
+                    about = f"{caption}. {marks_mean(scene.min_score, attacked)}"
+                    drawn = picture_of(FIRST_SCREEN, bag, name, about, figure, shape == "wide")
                     yield replace(drawn, is_worst=True)
 
 

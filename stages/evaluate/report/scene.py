@@ -41,6 +41,7 @@ class ReportScene:
     lost: (M,) of the objects in `truth`, at loose overlap; on a clean bag alone, those that are missed.
     displaced: (M,), found at loose overlap only; None on a clean bag alone. marks: by the number of a lost or
     displaced object, score and IoU of the best box that the detector has of it after the attack.
+    min_score: from which on a box counts.
     """
 
     title: str
@@ -52,6 +53,7 @@ class ReportScene:
     change: CloudDifference | None
     displaced: Bool | None = None
     marks: Mapping[int, str] = field(default_factory=dict)
+    min_score: float = 0.0
 
 
 def worst_frames(summary: Summary, count: int) -> list[FrameResult]:
@@ -111,7 +113,7 @@ def load_scene(
         objects, wrong = int(frame.truth.is_evaluated.sum()), _wrong(frame.clean, summary.min_score)
         missed = f"{int(lost.sum())} of {objects} objects missed"
         title = f"frame {frame.index}: {missed}, {wrong} false positive{'' if wrong == 1 else 's'}"
-        return ReportScene(title, name, frame.truth, lost, before, None, None)
+        return ReportScene(title, name, frame.truth, lost, before, None, None, min_score=summary.min_score)
     found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
     seen = frame.adversarial.detections
     displaced = displaced_objects(frame.truth, frame.clean, frame.adversarial, summary.min_score)
@@ -129,6 +131,7 @@ def load_scene(
         cloud_difference(before.cloud, after.cloud),
         displaced,
         _marks(frame.truth, frame.adversarial, lost | displaced),
+        summary.min_score,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import struct
 from dataclasses import dataclass
 from io import BytesIO
 from typing import NamedTuple
@@ -66,6 +67,12 @@ class ReportPicture:
         if 0 < len(svg) <= MOST_SVG_BYTES:
             return svg_uri(svg)
         return "data:image/png;base64," + base64.b64encode(_palette_png(self.png)).decode("ascii")
+
+    @property
+    def aspect(self) -> float:
+        """Width by height."""
+        width, height = struct.unpack(">II", self.png[16:24])
+        return round(width / height, 4)
 
     @property
     def files(self) -> dict[str, bytes]:

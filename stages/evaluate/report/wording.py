@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from advpipe.pipeline.results.row import ResultRow
@@ -36,10 +37,23 @@ def lost_means(min_score: object) -> str:
     return f"at loose overlap and a score of at least {score}"
 
 
+def marks_mean(min_score: float, is_attacked: bool) -> str:
+    """What the marked objects of a frame are, without a full stop."""
+    what = "Lost" if is_attacked else "Missed"
+    text = (
+        f"{what}: no box with a score of at least {min_score:.2f} at loose overlap "
+        "(3D IoU 0.5; people and two-wheelers 0.25)"
+    )
+    if not is_attacked:
+        return text
+    return f"{text}; displaced: none at strict overlap (0.7; 0.5). Labels: the best box left"
+
+
 class Change(NamedTuple):
-    """What was done to the points of clouds, as the subject of a sentence and as a title has it."""
+    """What was done to the points of clouds: as the subject of a sentence, after "the attack", in a title."""
 
     active: str
+    does: str
     passive: str
 
 
@@ -50,22 +64,47 @@ def changed_points(row: ResultRow) -> Change | None:
         return None
     reach = f"by at most {100 * metrics.max_displacement_m:.3g} cm"
     parts = [
-        (active.format(_share(100 * count / clean)), passive.format(_share(100 * count / clean)))
-        for count, active, passive in (
-            (metrics.points_removed, "removing {} of the LiDAR points", "{} of the LiDAR points removed"),
-            (metrics.points_added, "adding {} LiDAR points", "{} LiDAR points added"),
-            (
-                metrics.points_moved,
-                f"moving {{}} of the LiDAR points {reach}",
-                f"{{}} of the LiDAR points moved {reach}",
-            ),
+        [each.format(_share(100 * count / clean)) for each in forms]
+        for count, forms in (
+            (metrics.points_removed, _forms("removing", "removes", "removed", "of the LiDAR points")),
+            (metrics.points_added, _forms("adding", "adds", "added", "more LiDAR points")),
+            (metrics.points_moved, _forms("moving", "moves", "moved", "of the LiDAR points", reach)),
         )
         if count
     ]
     if not parts:
         return None
-    active, passive = (" and ".join(part[side] for part in parts) for side in (0, 1))
-    return Change(active[0].upper() + active[1:], passive)
+    active, does, passive = (" and ".join(part[side] for part in parts) for side in (0, 1, 2))
+    return Change(active[0].upper() + active[1:], does, passive)
+
+
+def _forms(active: str, does: str, passive: str, points: str, how: str = "") -> tuple[str, str, str]:
+    return (
+        f"{active} {{}} {points} {how}".strip(),
+        f"{does} {{}} {points} {how}".strip(),
+        f"{{}} {points} {passive} {how}".strip(),
+    )
+
+
+V2X_DEEDS = {
+    "dos": "floods the radio channel with V2X messages",
+    "ghost": "announces ghost vehicles, which do not exist, in V2X messages",
+    "sybil": "announces ghost vehicles, which do not exist, in V2X messages",
+    "position": "announces false positions in V2X messages",
+    "speed": "announces false speeds in V2X messages",
+    "heading": "announces false headings in V2X messages",
+    "replay": "repeats V2X messages of other vehicles",
+    "drop": "withholds V2X messages",
+    "delay": "sends V2X messages late",
+    "stale": "repeats old V2X messages",
+}
+"""What an attack on V2X does, by a word in its name; the first that fits."""
+
+
+def v2x_deed(names: str) -> str:
+    """What an attack or several of these names do to V2X messages, after "the attack"."""
+    words = set(re.split(r"[^a-z0-9]+", names))
+    return next((deed for word, deed in V2X_DEEDS.items() if word in words), "sends false V2X messages")
 
 
 def _share(percent: float) -> str:

@@ -99,7 +99,7 @@ def test_random_best_hides_as_many_as_an_attack_that_takes_any_points_of_a_car(s
     assert "Fewer tries than the attack's 5: random-best, 3 tries." in row["notes"]
     assert "Not significantly stronger than random-best, 3 tries." in row["notes"]
     page = (tmp_path / "report" / "report.html").read_text()
-    assert "random-best, 3 tries (the attack 5), which spends the same budget randomly, leaves" in page
+    assert "the same budget spent at random, best of 3 tries (the attack: best of 5), leaves" in page
 
 
 def test_an_attack_that_does_nothing_is_reported_as_such(slow_clean, tmp_path, capsys):

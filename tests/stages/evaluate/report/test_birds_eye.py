@@ -12,7 +12,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 from advpipe.pipeline.messages.cloud_difference import cloud_difference
 from advpipe.stages.evaluate.detection.scoring import Truth
-from advpipe.stages.evaluate.report.birds_eye import DISPLACED, LOST, PREDICTION, TRUTH, draw_scene
+from advpipe.stages.evaluate.report.birds_eye import DISPLACED, LOST, PREDICTION, TRUTH, draw_scene, legend
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.scene import CloudView, ReportScene, crop
 
@@ -73,6 +73,13 @@ def test_a_displaced_object_has_a_colour_of_its_own_and_its_score_beside_it():
     assert pixels(drawn(displaced), DISPLACED) > pixels(drawn(plain), DISPLACED) + 200
     texts = [text.get_text() for axes in draw_scene(displaced).axes for text in axes.texts]
     assert "0.42, IoU 0.58" in texts
+
+
+def test_the_legend_says_from_which_score_on_an_object_is_found():
+    lost = replace(scene((True, False)), min_score=0.2)
+    labels = [entry.get_label() for entry in legend(lost)]
+    assert labels[-1] == "lost: no box with score ≥ 0.20 at loose overlap"
+    assert not any(label.startswith("displaced") for label in labels)
 
 
 def test_a_clean_scene_has_one_panel():

@@ -1,6 +1,7 @@
 """The first screen: what was done, how bad it is, and the values of report.json on cards."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -11,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from place_drive import DETECTOR, FRAMES, hide_first_car
 
 from advpipe.stages.evaluate.report.headline import first_screen
+from advpipe.stages.evaluate.report.headline_parts import BAD, GOOD, meant_by_more, meant_by_share
+from advpipe.stages.evaluate.report.wording import v2x_deed
 from advpipe.stages.evaluate.run import Options, evaluate
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -34,12 +37,15 @@ def test_an_attack_on_all_frames(clean, attacked, tmp_path):
     assert strict.value == f"{attack['map_ratio_percent']:.1f} %"
     assert loose.value == f"{attack['map_loose_ratio_percent']:.1f} %"
     assert lost.value == "25.0 %"
+    assert strict.meant == lost.meant == BAD
     assert lost.meaning.startswith("6 of 24 found objects")
-    assert [card.interval for card in headline.cards] == ["no interval: 6 frames", "", ""]
+    assert [card.interval for card in headline.cards] == ["no interval: 6 frames"] * 3
     assert strict.attacked == ""
     strongest = min(each["map_ratio_percent"] for each in baselines)
     assert strict.beside.endswith(f": {strongest:.1f} %")
     assert headline.verdict.startswith("Removing ")
+    assert headline.does.startswith("removes ")
+    assert "; the same budget spent at random, best of " in headline.verdict
     assert (
         f"leaves the detector {strict.value} of its average precision at strict overlap" in headline.verdict
     )
@@ -69,3 +75,16 @@ def test_a_clean_bag_alone(clean, tmp_path):
     (headline,) = first.headlines
     assert [card.title for card in headline.cards] == ["mAP, strict", "mAP, loose", "Objects found"]
     assert f"{4 * FRAMES} of {4 * FRAMES}" in headline.verdict
+
+
+def test_the_verdict_says_what_an_attack_on_messages_does():
+    assert v2x_deed("cam-sybil-congestion+gnss-relocate").startswith("announces ghost vehicles")
+    assert v2x_deed("cam-dos-random-sybil") == "floods the radio channel with V2X messages"
+    assert v2x_deed("cam-position-offset") == "announces false positions in V2X messages"
+    assert v2x_deed("mine") == "sends false V2X messages"
+
+
+def test_a_value_is_red_where_it_is_bad_and_green_where_it_is_good():
+    assert [meant_by_share(share) for share in (1.0, 0.7, 0.0, math.nan)] == [GOOD, "", BAD, ""]
+    assert [meant_by_more(attacked, 1.5) for attacked in (1.6, 57.0, math.nan)] == ["", BAD, ""]
+    assert meant_by_more(0.0, 0.0) == ""
