@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from advpipe.pipeline.process.folder import working_path
 from advpipe.pipeline.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
+    from advpipe.pipeline.scenario.attacks import AttackSpec
     from advpipe.stages.simulate.run import SimulationSummary
 
 
@@ -46,7 +47,7 @@ def simulate(
     else:
         named = str(Path(scenario))
         with as_usage_error():
-            loaded = load_scenario(named, settings)
+            loaded = load_scenario(named, settings, _mistakes_of_attacks)
     detail(f"scenario {loaded.name} of {named}, seed {loaded.simulation.seed}")
     folder = working_path(DATA_SETS) / loaded.name if out is None else Path(out)
     refuse_existing(folder, overwrite)
@@ -58,3 +59,16 @@ def simulate(
     recorded = run(loaded, folder, overwrite=overwrite)
     notice_default_lidar(BagReader(recorded.bag))
     return recorded
+
+
+def _mistakes_of_attacks(
+    attacks: Sequence[AttackSpec], scenario: Scenario | None
+) -> Iterable[tuple[int | None, str]]:
+    """As `run` asks for them, except that a drive may be recorded without the V2X that its attacks need.
+
+    The attacks are loaded only if the scenario has some.
+    """
+    with working_on("loading libraries"):
+        from advpipe.pipeline.campaigns.run import mistakes_of_attacks
+
+    return mistakes_of_attacks(attacks, None)

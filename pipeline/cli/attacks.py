@@ -30,17 +30,20 @@ def attacks_command(
     attack: Annotated[
         str | None,
         typer.Argument(
-            help="An attack to explain, or module:Class.", show_default="all", autocompletion=attack_names
+            help="An attack to explain, or module:Class; or a family to list.",
+            show_default="all",
+            autocompletion=attack_names,
         ),
     ] = None,
 ) -> Answer:
     """List the attacks by family, or explain one: its parameters, bounds and what it makes untrue."""
-    from advpipe.stages.attack.catalogue import catalogue, catalogue_entry
+    from advpipe.stages.attack.catalogue import FAMILIES, catalogue, catalogue_entry
 
-    if attack is not None:
+    family = next((one for one in FAMILIES if attack and attack.lower() == one), None)
+    if attack is not None and family is None:
         entry = catalogue_entry(attack)
         return Answer({"attacks": [entry.plain()]}, lambda: _explain(entry))
-    entries = catalogue()
+    entries = catalogue(family)
     return Answer({"attacks": [one.plain() for one in entries]}, lambda: _list(entries))
 
 
@@ -50,7 +53,7 @@ def _list(entries: Iterable[CatalogueEntry]) -> None:
         for entry in family:
             _print_row(entry.name, entry.headline)
             if entry.budget:
-                _print_row("", f"Budget: {flag_of(entry.budget)}. {entry.budget_title}.")
+                _print_row("", _budget(entry))
             elif entry.bounds:
                 _print_row("", f"Bounds: {', '.join(f'{one.quantity} {one}' for one in entry.bounds)}.")
         print()
@@ -58,12 +61,19 @@ def _list(entries: Iterable[CatalogueEntry]) -> None:
     print("Carry one out:                advpipe attack --type NAME")
 
 
+def _budget(entry: CatalogueEntry) -> str:
+    default = "" if entry.budget_default is None else f" (default {entry.budget_default:g})"
+    paper = " to ".join(f"{value:g}" for value in entry.budget_published)
+    published = f"; the paper: {paper}" if paper else ""
+    return f"Budget: {flag_of(entry.budget)}{default}{published}. {entry.budget_title}."
+
+
 def _explain(entry: CatalogueEntry) -> None:
     names = ", ".join((entry.name, *entry.also_known_as))
     _print_text(f"{names} ({entry.family})")
     _print_text(entry.summary)
     if entry.budget:
-        _print_text(f"Budget: {flag_of(entry.budget)}. {entry.budget_title}.")
+        _print_text(_budget(entry))
     if entry.recipe:
         print("\nRecipes")
         _print_text(entry.recipe, "  ")

@@ -83,6 +83,8 @@ def _misused(error: Any) -> int:
         return 2
     where = getattr(error, "where", f"{context.command_path if context else 'advpipe'} --help")
     alike, text = getattr(error, "possibilities", None), error.format_message()
-    if alike:  # as other errors say it
+    if alike:  # as other errors say it; dashes make no two options alike
+        given = error.option_name.lstrip("-")
+        alike = [flag for flag in alike if suggestion(given, [flag.lstrip("-")])]
         text = f"{error.message}; {suggestion(error.option_name, alike)}".removesuffix("; ")
     return report_failure(UsageError(f"{text} (see {where})"))

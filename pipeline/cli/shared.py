@@ -7,6 +7,7 @@ import os
 import shlex
 import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
@@ -165,8 +166,16 @@ def _program() -> str:
 
 
 def print_line(text: object) -> Callable[[], None]:
-    """Prints the text: what an answer of one line shows."""
-    return lambda: print(text)
+    """Prints the text: what an answer of one line shows; on a terminal, broken between its words."""
+    return lambda: print(_between_words(str(text)) if sys.stdout.isatty() else text)
+
+
+def _between_words(text: str) -> str:
+    columns = shutil.get_terminal_size((80, 24)).columns
+    return "\n".join(
+        textwrap.fill(line, columns, break_long_words=False, break_on_hyphens=False)
+        for line in text.splitlines()
+    )
 
 
 def _print_versions() -> None:

@@ -41,3 +41,12 @@ def suggestion(name: object, known: Iterable[str]) -> str:
     if not found and len(typed) > 2:
         found = [each for each in names if typed in each.lower()][:_MOST_SUGGESTED]
     return f"did you mean {' or '.join(map(repr, found))}?" if found else ""
+
+
+def nearest_names(name: object, known: Iterable[str]) -> list[str]:
+    """The three that are most like it, however little that is.
+
+    >>> nearest_names("dtch", ["perturb", "detach", "attach", "cam-stop"])[:2]
+    ['detach', 'attach']
+    """
+    return difflib.get_close_matches(shorten(str(name)).lower(), list(known), n=_MOST_SUGGESTED, cutoff=0)

@@ -17,7 +17,7 @@ class Phase:
 
     done: how far the command is; it never falls, and it reaches `end` only with the phase. total: number of
     the items that the phase goes through, None if it has none or they are not counted. status: returns a text
-    to show beside them.
+    to show beside them. moved_s: when `done` rose for the last time, by the monotonic clock.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Phase:
     ) -> None:
         self.name, self.begin, self.end, self.done = name, begin, end, begin
         self.total, self.status, self.count = total, status, 0
-        self.begin_s = time.monotonic()
+        self.begin_s = self.moved_s = time.monotonic()
         self._shares: dict[str, float] = {}
 
     def plan(self, shares: Mapping[str, float]) -> None:
@@ -55,21 +55,23 @@ class Phase:
             rest = sum(self._shares.values()) or 1.0
             share = rest if total is not None and not self._shares else UNPLANNED * rest
         room = self._room_end() - self.done
-        return Phase(name, self.done, self.done + room * share / (share + rest), total=total, status=status)
+        part = Phase(name, self.done, self.done + room * share / (share + rest), total=total, status=status)
+        part.moved_s = self.moved_s
+        return part
 
     def leave(self, part: Phase) -> None:
         """Go on after a part that is done."""
-        self.done = max(self.done, part.end)
+        self._rise(part.end)
 
     def advance(self) -> None:
         """Count one more item as done."""
         self.count += 1
         if self.total:
-            self.done = max(self.done, self._place(self.count))
+            self._rise(self._place(self.count))
 
     def reach(self, share: float) -> None:
         """Say how much of a phase without items is done, from 0 to 1."""
-        self.done = max(self.done, self.begin + (self.end - self.begin) * min(share, 1.0))
+        self._rise(self.begin + (self.end - self.begin) * min(share, 1.0))
 
     def text(self, is_last: bool) -> str:
         """Such as `detecting: 12 of 40`; while the last phase has not done an item, its seconds once they
@@ -81,6 +83,10 @@ class Phase:
             text += f": {self.count:,}"
         spent_s = time.monotonic() - self.begin_s
         return f"{text}, {spent_s:.0f} s" if is_last and not self.count and spent_s >= SLOW_S else text
+
+    def _rise(self, done: float) -> None:
+        if done > self.done:
+            self.done, self.moved_s = done, time.monotonic()
 
     def _room_end(self) -> float:
         """Where a part may end: with the item that is going on, where there are items."""

@@ -220,12 +220,18 @@ class _Display:
         return min(self.phases[-1].done, MOST_SHOWN)
 
     def _left(self) -> str:
-        """An estimate of the time that is left, such as `20 s`; empty where too little is known for one."""
-        done, spent_s, last = self._done(), time.monotonic() - self._begin_s, self.phases[-1]
+        """An estimate of the time that is left, such as `20 s`; empty where too little is known for one.
+
+        It comes of what was done when something was done last, and falls from then on; what takes longer than
+        that has none.
+        """
+        phases, done = tuple(self.phases), self._done()
         gained = done - self._begin_done
-        if not self._is_planned or gained < LEFT_FROM or (last.total and not last.count):
+        if not self._is_planned or gained < LEFT_FROM or any(one.total and not one.count for one in phases):
             return ""
-        return duration_text(spent_s / gained * (1 - done))
+        moved_s = phases[-1].moved_s
+        left_s = (moved_s - self._begin_s) / gained * (1 - done) - (time.monotonic() - moved_s)
+        return duration_text(left_s) if left_s > 0 else ""
 
     def _run(self) -> None:
         while not self._closed.wait(max(self._due_s - time.monotonic(), 0.01)):

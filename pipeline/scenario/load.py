@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,8 +19,9 @@ from advpipe.pipeline.core.shipped_scenarios import shipped_folder, shipped_scen
 from advpipe.pipeline.core.short_repr import short_repr, shorten
 from advpipe.pipeline.scenario.attack_mistakes import AttackCheck, attack_mistakes
 from advpipe.pipeline.scenario.document import LIMIT_BYTES, DocumentError, ScenarioText, read_document
+from advpipe.pipeline.scenario.further_mistakes import further_mistakes
 from advpipe.pipeline.scenario.map import MAP_SOURCES
-from advpipe.pipeline.scenario.mistake import Mistake
+from advpipe.pipeline.scenario.mistake import Mistake, Place
 from advpipe.pipeline.scenario.mistakes import mistakes_line, schema_mistakes
 from advpipe.pipeline.scenario.models import Scenario
 
@@ -51,6 +52,10 @@ def load_scenario(
     scenario, mistakes = _validated(tree)
     if check_attacks is not None:
         mistakes += attack_mistakes(tree, scenario, check_attacks)
+    if (
+        mistakes
+    ):  # whoever corrects them need not come back for these; `simulate` finds them where they are alone
+        mistakes += _missing_files(tree)
     if scenario is None or mistakes:
         raise AdvpipeError(mistakes_line(mistakes, path, document, overridden))
     return scenario
@@ -81,7 +86,16 @@ def _validated(tree: dict[str, Any]) -> tuple[Scenario | None, list[Mistake]]:
     try:
         return Scenario.model_validate(tree), []
     except ValidationError as error:
-        return None, list(schema_mistakes(error))
+        found = list(schema_mistakes(error))
+        return None, [*found, *further_mistakes(tree, error, found)]
+
+
+def _missing_files(tree: dict[str, Any]) -> Iterator[Mistake]:
+    for place in FILE_PLACES:
+        for section, keys in _sections(tree, place[:-1]):
+            name = section.get(place[-1])
+            if isinstance(name, str) and name and not os.path.exists(name):
+                yield (*keys, place[-1]), f"{short_repr(name)} does not exist"
 
 
 def _find(name_or_path: str) -> Path:
@@ -120,19 +134,21 @@ def _files(tree: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
     return [
         (section, place[-1])
         for place in FILE_PLACES
-        for section in _sections(tree, place[:-1])
+        for section, _ in _sections(tree, place[:-1])
         if isinstance(section.get(place[-1]), str)
     ]
 
 
-def _sections(tree: Any, place: tuple[str, ...]) -> list[dict[str, Any]]:
+def _sections(tree: Any, place: Place, keys: Place = ()) -> list[tuple[dict[str, Any], Place]]:
+    """The sections at a place, each with its keys; `*` in it is any key of a mapping or item of a list."""
     if not place:
-        return [tree] if isinstance(tree, dict) else []
-    if place[0] == "*":
-        parts = list(tree.values()) if isinstance(tree, dict) else tree if isinstance(tree, list) else []
+        return [(tree, keys)] if isinstance(tree, dict) else []
+    if isinstance(tree, dict):
+        parts = [(str(key), part) for key, part in tree.items() if place[0] in ("*", key)]
     else:
-        parts = [tree[place[0]]] if isinstance(tree, dict) and place[0] in tree else []
-    return [section for part in parts for section in _sections(part, place[1:])]
+        parts = [(str(i), part) for i, part in enumerate(tree)] if isinstance(tree, list) else []
+        parts = parts if place[0] == "*" else []
+    return [found for key, part in parts for found in _sections(part, place[1:], (*keys, key))]
 
 
 def _file_places(model: type[BaseModel]) -> list[tuple[str, ...]]:

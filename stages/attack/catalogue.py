@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, get_args
 
 from advpipe.pipeline.labels.declaration import Declaration, Family
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.base import Attack, Traits
 from advpipe.stages.attack.declared import declaration_of
-from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
+from advpipe.stages.attack.lidar.base import Budget, LidarAttack, lidar_traits
 from advpipe.stages.attack.parameter_docs import Parameter, documented_parameters, recipe_text, summary
 from advpipe.stages.attack.parameters import REQUIRED
 from advpipe.stages.attack.registry import ATTACKS, default_budget, find_attack, resolved_name
@@ -36,7 +36,8 @@ class CatalogueEntry:
     """One attack.
 
     family_title, usual_options: see `Attack`. budget: the parameter that bounds the change, and budget_title
-    what that is, with the unit of tables; both "" where no single one does. recipe: how a LiDAR attack may
+    what that is, with the unit of tables; both "" where no single one does. budget_default, budget_published:
+    of the parameter, and its least and most in the paper. recipe: how a LiDAR attack may
     search; "" of others. parameters: with the defaults of the command line. bounds, untrue: what it declares
     with these defaults: limits, and what its messages claim falsely; nothing where a parameter has to be
     given first.
@@ -50,6 +51,8 @@ class CatalogueEntry:
     also_known_as: tuple[str, ...]
     budget: str
     budget_title: str
+    budget_default: float | None
+    budget_published: tuple[float, ...]
     recipe: str
     parameters: tuple[Parameter, ...]
     bounds: tuple[BoundText, ...]
@@ -75,9 +78,13 @@ class CatalogueEntry:
         return {**asdict(self), "parameters": parameters}
 
 
-def catalogue() -> tuple[CatalogueEntry, ...]:
-    """All registered attacks, family by family."""
-    return tuple(map(catalogue_entry, ATTACKS))
+FAMILIES: tuple[Family, ...] = get_args(Family)
+
+
+def catalogue(family: Family | None = None) -> tuple[CatalogueEntry, ...]:
+    """All registered attacks, family by family; or those of one."""
+    chosen = [name for name, kind in ATTACKS.items() if family in (None, kind.family)]
+    return tuple(map(catalogue_entry, chosen))
 
 
 def catalogue_entry(attack: str) -> CatalogueEntry:
@@ -102,11 +109,18 @@ def catalogue_entry(attack: str) -> CatalogueEntry:
         also_known_as=traits.also_known_as,
         budget=budget.parameter if budget else "",
         budget_title=budget.title if budget else "",
+        budget_default=budget.default if budget else None,
+        budget_published=_published_range(budget) if budget else (),
         recipe=recipe_text(attack_class),
         parameters=parameters,
         bounds=tuple(_bound_text(attack_class, each, *limits) for each, limits in declared.bounds.items()),
         untrue=declared.untrue,
     )
+
+
+def _published_range(budget: Budget) -> tuple[float, ...]:
+    values = [figure.table_value * budget.scale for figure in budget.published]
+    return (min(values), max(values)) if values else ()
 
 
 def _bound_text(attack_class: type[Attack], name: str, least: float, most: float) -> BoundText:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.nearest import nearest_names, suggestion
 from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
 from advpipe.stages.attack.base import Attack, Traits
 from advpipe.stages.attack.gnss.base import GnssAttack
@@ -41,15 +41,15 @@ ATTACKS: Mapping[str, type[Attack]] = _Attacks()
 
 
 def find_attack(name: str) -> type[Attack]:
-    """The class of a name, or of `module:Class`; raises `AdvpipeError` with the known names for any other,
+    """The class of a name, or of `module:Class`; raises `AdvpipeError` with those like it for any other,
     and for a class that is no attack."""
     if ":" in name:
         return plugin_attack(name)
     if name in ATTACKS:
         return ATTACKS[name]
+    meant = suggestion(name, ATTACKS) or f"most like it: {', '.join(nearest_names(name, ATTACKS))}"
     raise UsageError(
-        f"unknown attack {name!r}; {known_names(name, ATTACKS)} "
-        "(or module:Class of your own; `advpipe attacks` lists all)"
+        f"unknown attack {name!r}; {meant} (or module:Class of your own; `advpipe attacks` lists all)"
     )
 
 

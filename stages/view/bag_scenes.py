@@ -26,6 +26,7 @@ from advpipe.pipeline.viewer.scene import (
     SceneLine,
     ViewerScene,
 )
+from advpipe.stages.view.attacked_frames import Runs, attacked_runs
 from advpipe.stages.view.debug_marks import TouchedCloud, claims, touched_cloud
 from advpipe.stages.view.radio_boxes import on_both, origin_of, radio_boxes
 from advpipe.stages.view.recording import Recording, find_viewpoint
@@ -73,6 +74,7 @@ class BagScenes:
         self.names = tuple(attacks)
         self._reports = reports
         self._opened: dict[int, Recording] = {}
+        self._runs: dict[int, Runs] = {}
         self._detections: dict[int | None, ReportDetections | AdvpipeError | None] = {}
         self._lanes = read_lanes(self._bag.reader)
         self._origin = origin_of(self._bag.reader)
@@ -86,6 +88,13 @@ class BagScenes:
         """What the time line says of each frame."""
         since_s = (self._bag.times_ns - self._bag.times_ns[0]) * 1e-9
         return [f"{index}: {time_s:.2f} s" for index, time_s in enumerate(since_s.tolist())]
+
+    def attacked_runs(self, attack: int) -> Runs:
+        """The frames that the attack of this number touches, for the marks of the time line."""
+        if attack not in self._runs:
+            topic, times_ns = self._viewpoint.timing_topic, self._bag.times_ns
+            self._runs[attack] = attacked_runs(self._attacks[attack], topic, times_ns)
+        return self._runs[attack]
 
     def scene(self, index: int, attack: int | None) -> ViewerScene:
         """A frame, beside what the attack of this number made of it.

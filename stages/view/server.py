@@ -58,7 +58,11 @@ class ViewServer(ThreadingHTTPServer):
 
     def about(self) -> str:
         """What the page has to know before it asks for a frame."""
-        return json.dumps({"frames": self.scenes.labels, "options": [*self.scenes.names, "clean bag alone"]})
+        names = self.scenes.names
+        with self.bag_lock:
+            attacked = [*map(self.scenes.attacked_runs, range(len(names))), []]
+        options = [*names, "clean bag alone"]
+        return json.dumps({"frames": self.scenes.labels, "options": options, "attacked": attacked})
 
     def scene(self, option: int, index: int) -> str:
         """One frame beside an attack, or alone for the option behind the last attack."""

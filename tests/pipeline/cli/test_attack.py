@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.cli.attack import attack_command, given_parameters
+from advpipe.pipeline.cli.shared import print_line
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.run import AttackRequest, AttackSummary
@@ -170,8 +172,9 @@ def test_an_attack_of_a_user_has_its_own_too(said: Said, monkeypatch: pytest.Mon
         ),
         (["--type", "detach", "--eps-cm", "3"], r"--eps-cm.* \(see advpipe attacks detach\)"),
         (["--type", "gnss-jam", "--ratio", "3"], "--ratio; gnss-jam has no parameters"),
-        (["--type", "nope", "--help"], "unknown attack 'nope'; known: perturb"),
-        (["--type", "nope", "--ratio", "1"], "unknown attack 'nope'; known: perturb"),
+        (["--type", "attach", "--ratio", "3"], r"--ratio \(see advpipe attacks attach\)"),
+        (["--type", "nope", "--help"], "unknown attack 'nope'; most like it: "),
+        (["--type", "nope", "--ratio", "1"], "unknown attack 'nope'; most like it: "),
         (["--ratio", "x"], "Invalid value for '?--ratio.* 'x' is not a share; write 0.01 or 1%"),
         (["--ratio", "x%"], "Invalid value for '?--ratio"),
         (["--type", "perturb", "--eps-cm", "1%"], "Invalid value for '?--eps-cm"),
@@ -203,3 +206,18 @@ def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytes
         {"ratio": 0.003},
         {"x_m": -10.0, "y_m": 5.0, "rebuild_path": False},
     ]
+
+
+def test_a_summary_breaks_between_words_on_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "attacked with detach-best-0.01: " + "twenty-three of the clouds, " * 8
+    print_line(text)()
+    assert capsys.readouterr().out == f"{text}\n"  # a file has whole lines
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "80")
+    print_line(text)()
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= 80
+    assert " ".join(lines).split() == text.split()

@@ -10,7 +10,9 @@ import pytest
 from first_words import without_progress
 
 from advpipe.pipeline.cli import app
+from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.registry import ATTACKS
+from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 Show = Callable[..., str]
 
@@ -37,7 +39,7 @@ def test_the_list_holds_all_attacks_in_80_columns(show: Show) -> None:
         ATTACKS, key=lambda name: text.index(f"\n  {name} ")
     )
     assert max(map(len, text.splitlines())) <= 80
-    assert re.search(r"detach .*\n(?: +.*\n)*? +Budget: --ratio. Detachment, share removed in %\.", text)
+    assert re.search(r"detach .*\n(?: +.*\n)*? +Budget: --ratio \(default 0\.01\); the", text)
     assert re.search(r"cam-delay .*\n(?: +.*\n)*? +Bounds: delay_s 2 to 4 s\.", text)
 
 
@@ -59,6 +61,29 @@ def test_for_programs(show: Show) -> None:
     assert {one["name"] for one in json.loads(show("--json"))["attacks"]} == set(ATTACKS)
     (one,) = json.loads(show("detach", "--json"))["attacks"]
     assert one["budget"] == "ratio"
+
+
+@pytest.mark.parametrize(
+    ("family", "count"), [("lidar", 3), ("gnss", len(GNSS_ATTACKS)), ("V2X", len(V2X_ATTACKS))]
+)
+def test_a_family_is_listed_alone(show: Show, family: str, count: int) -> None:
+    found = json.loads(show(family, "--json"))["attacks"]
+    assert {one["family"] for one in found} == {family.lower()}
+    assert len(found) == count
+
+
+def test_one_unlike_all_comes_with_three(show: Show) -> None:
+    line = show("xyzzy", code=2)
+    assert re.fullmatch(
+        r"advpipe: unknown attack .xyzzy.; most like it: \S+, \S+, \S+ \(or .*`advpipe attacks` lists .*\n",
+        line,
+    )
+
+
+def test_budgets_have_numbers(show: Show) -> None:
+    said = " ".join(show("perturb").split())
+    assert "Budget: --eps-cm (default 10); the paper: 0.5 to 10. Perturbation" in said
+    assert "(default 0.01); the paper: 0.0005 to 0.015." in " ".join(show("detach").split())
 
 
 def test_an_unknown_one_is_a_line(show: Show) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from advpipe.pipeline.cli.run import run
+from advpipe.pipeline.cli.simulate import simulate_command
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
 SCENARIO = """
@@ -130,4 +132,18 @@ def test_bad_attacks_are_refused_before_anything_is_simulated(
     scenario.write_text(text, encoding="utf-8")
     with pytest.raises(AdvpipeError, match=line):
         run(str(scenario), Path("out"))
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("command", [run, simulate_command])
+def test_all_mistakes_come_at_once_before_the_drive(scenario: Path, command: Callable[..., object]) -> None:
+    wrong = SCENARIO.replace("seed: 1", "seed: many").replace("vehicles: 60", "mix: {tank: 1}, vehicles: 60")
+    wrong = wrong.replace("boulevard.net.xml", "nowhere.net.xml").replace("type: detach", "type: detatch")
+    scenario.write_text(wrong, encoding="utf-8")
+    with pytest.raises(UsageError) as caught:
+        command(str(scenario), Path("out"))
+    line = str(caught.value)
+    assert ": 4 mistakes: " in line
+    for words in ("seed", "tank is not a known body", "did you mean 'detach'", "nowhere.net.xml' does not"):
+        assert words in line
     assert not Path("out").exists()

@@ -12,10 +12,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from advpipe.pipeline.core import progress, status_line
+from advpipe.pipeline.core import phases, progress, status_line
 from advpipe.pipeline.core.progress import open_progress, plan_progress, track, with_progress, working_on
 from advpipe.pipeline.core.streams import safe_streams
 from advpipe.pipeline.core.verbosity import Verbosity, notice, print_result, use_verbosity
@@ -72,6 +73,33 @@ def test_the_first_word_comes_at_once_and_then_a_line_now_and_then(
     assert any(re.fullmatch(counted, line) for line in lines), lines
     time.sleep(0.2)
     assert capsys.readouterr() == ("", "")  # nothing after its end
+
+
+def test_an_estimate_falls_until_the_next_item_and_needs_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(now_s=100.0)
+    clock.monotonic = lambda: clock.now_s
+    monkeypatch.setattr(progress, "time", clock)
+    monkeypatch.setattr(phases, "time", clock)
+
+    def left_after(duration_s: float) -> str:
+        clock.now_s += duration_s
+        return progress._display._left()  # type: ignore[union-attr]
+
+    with use_verbosity(Verbosity()), open_progress("attacking", at_once=False):
+        plan_progress({"loading": 1, "clouds": 9})
+        with working_on("loading"):
+            clock.now_s += 10
+        items = track(range(3), "clouds")
+        next(items)
+        assert left_after(10) == ""  # no cloud is done
+        next(items)
+        assert left_after(0) == "30 s"  # 20 s for 40 %
+        assert [left_after(10), left_after(10)] == ["20 s", "10 s"]
+        assert left_after(15) == ""  # later than it was expected
+        with working_on("writing"):
+            assert left_after(5) == ""
+        next(items)
+        assert left_after(5) == "21 s"  # 60 s for 70 % when the second was done, 5 s ago
 
 
 def test_quick_work_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:

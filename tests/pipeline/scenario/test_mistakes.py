@@ -52,6 +52,29 @@ def test_those_between_sections_come_at_once(tmp_path: Path) -> None:
     assert "; (3) attacks.a[1] (line 7): y begins at 9000 s, but the recording ends at " in line
 
 
+def test_those_of_keys_do_not_hide_those_between_sections(tmp_path: Path) -> None:
+    text = "simulation: {seed: many}\ntraffic: {mix: {tank: 1}}\nsensors: {lidars: {top: {vehicle: bus}}}\n"
+    line = refusal(tmp_path, text)
+    assert line.startswith("3 mistakes: (1) simulation.seed (line 3): ")
+    assert "(2) traffic.mix.tank is not a known body; " in line
+    assert "(3) sensors.lidars.top.vehicle 'bus' is not one of the vehicles (ego)" in line
+
+
+def test_what_a_wrong_key_may_explain_is_no_mistake(tmp_path: Path) -> None:
+    text = "simulation: {duration_s: long}\nattacks: {a: {type: detach, schedule: {from_s: 900}}}\n"
+    assert "mistakes" not in refusal(tmp_path, text)
+    assert "mistakes" not in refusal(
+        tmp_path, "vehicles: {bus: {body: 3}}\nsensors: {lidars: {top: {vehicle: bus}}}\n"
+    )
+
+
+def test_a_missing_file_is_listed_beside_others(tmp_path: Path) -> None:
+    missing = tmp_path / "there_is.none"
+    line = refusal(tmp_path, "simulation: {sed: 3}\n", "map.generator=null", f"map.sumo_net={missing}")
+    assert line.startswith("2 mistakes: (1) simulation.sed (line 3): ")
+    assert line.endswith(f"(2) settings map.sumo_net: {str(missing)!r} does not exist")
+
+
 def test_one_is_not_numbered(tmp_path: Path) -> None:
     line = refusal(tmp_path, "simulation: {sed: 3}\n")
     assert line.startswith("simulation.sed (line 3): unknown key; did you mean 'seed'?")

@@ -132,6 +132,17 @@ def test_a_lost_object_is_told_of_at_once(opened):
     assert text(opened(), "story").startswith("car ego.7")
 
 
+def test_what_is_lost_is_found_at_the_clean_end(opened):
+    browser = opened()
+    assert browser.evaluate(f"{ONE}.querySelectorAll('.adv-label.adv-lost').length") > 0
+    assert text(browser, "chip") == "lost"
+    slide(browser, 0)
+    assert browser.evaluate(f"{ONE}.querySelectorAll('.adv-label.adv-lost').length") == 0
+    assert text(browser, "chip") == "found"
+    slide(browser, 1)
+    assert text(browser, "chip") == "lost"
+
+
 def test_everything_can_be_done_with_the_keyboard(opened):
     browser = opened()
     browser.evaluate(f"{ONE}.querySelector('.adv-canvas').focus()")

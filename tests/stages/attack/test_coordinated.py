@@ -214,7 +214,7 @@ def test_attacks_that_do_not_meet_are_none(drive, tmp_path):
             [AttackSpec(type="cam-speed-constant", parameters={"speed": 1})],
             "unknown parameter 'speed'",
         ),
-        ([AttackSpec(type="cam-nothing")], "unknown attack 'cam-nothing'; known: "),
+        ([AttackSpec(type="cam-nothing")], "unknown attack 'cam-nothing'; "),
     ],
 )
 def test_what_cannot_be_done_is_refused(drive, tmp_path, specs, line):

@@ -63,6 +63,11 @@ def test_frames_are_made_when_they_are_asked_for(server):
     about = json.loads(ask(server, "/bag.json")[2])
     assert len(about["frames"]) == 20
     assert about["options"] == ["cam", "detach", "gnss", "clean bag alone"]
+    cam, detach, gnss, clean = about["attacked"]
+    assert detach == [[0, 3]]
+    assert cam
+    assert gnss == [[0, 19]]
+    assert clean == []
     attacked = json.loads(ask(server, "/scene/1/3.json")[2])
     alone = json.loads(ask(server, "/scene/3/3.json")[2])
     assert attacked["is_attacked"]
@@ -183,12 +188,17 @@ def test_a_port_that_is_taken(dataset, server):
     assert f"port {port} of 127.0.0.1 cannot be used" in done.stderr
 
 
+def first_attacked(server):
+    """The frame that the page opens at."""
+    return server.scenes.attacked_runs(0)[0][0]
+
+
 @pytest.fixture
 def opened(server, browser):
     browser.problems.clear()
     browser.requests.clear()
     browser.open(server.url)
-    browser.wait(f"{ONE}.dataset.ready === '0'")
+    browser.wait(f"{ONE}.dataset.ready === '{first_attacked(server)}'")
     yield browser
     assert browser.problems == []
     assert all(url.startswith((server.url, "data:")) for url in browser.requests)
@@ -210,24 +220,38 @@ def go_to(browser, frame):
 class TestInTheBrowser:
     pytestmark = needs_browser
 
-    def test_the_time_line_streams_frames(self, opened):
+    def test_it_opens_at_the_attack_which_the_time_line_marks(self, opened, server):
+        marks = f"[...{ONE}.querySelectorAll('.adv-attacked > *')].map(e => e.style.left)"
+        shown = opened.evaluate(marks)
+        assert [float(left.rstrip("%")) for left in shown] == pytest.approx(
+            [100 * first / 19 for first, _ in server.scenes.attacked_runs(0)], abs=1e-3
+        )
+        assert opened.evaluate(f"{ONE}.querySelector('.adv-now').textContent").startswith(
+            f"{first_attacked(server)}: "
+        )
+
+    def test_the_time_line_streams_frames(self, opened, server):
         before = drawn(opened)
         go_to(opened, 12)
         assert drawn(opened) != before
         assert opened.evaluate(f"{ONE}.querySelector('.adv-now').textContent") == "12: 1.20 s"
         asked = [url for url in opened.requests if "/scene/" in url]
-        assert [url.rpartition("/scene/")[2] for url in asked] == ["0/0.json", "0/12.json"]
+        assert [url.rpartition("/scene/")[2] for url in asked] == [
+            f"0/{first_attacked(server)}.json",
+            "0/12.json",
+        ]
 
-    def test_scrubbing_asks_for_few_frames(self, opened):
+    def test_scrubbing_asks_for_few_frames(self, opened, server):
         """Those that were passed while another was on its way are left out; the last one is shown."""
+        first = first_attacked(server)
         opened.evaluate(
             f"""(() => {{ const line = {ONE}.querySelector(".adv-time");
-            for (let i = 1; i < 19; i++) {{
+            for (let i = {first + 1}; i < 19; i++) {{
                 line.value = i; line.dispatchEvent(new Event("input")); }} }})()"""
         )
         opened.wait(f"{ONE}.dataset.ready === '18'")
         asked = [url.rpartition("/")[2] for url in opened.requests if "/scene/" in url]
-        assert asked == ["0.json", "1.json", "18.json"]
+        assert asked == [f"{first}.json", f"{first + 1}.json", "18.json"]
 
     def test_another_bag(self, opened):
         opened.evaluate(

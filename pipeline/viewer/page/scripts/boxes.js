@@ -15,7 +15,7 @@ const BOX_STYLES = {
   "cam/changed": ["added", 2.6, false],
   "ldm/": ["ldm", 1.8, true],
   "ldm/changed": ["added", 2.6, true],
-  "claim/true": ["truth", 1.8, false],
+  "claim/true": ["true", 1.8, false],
   "claim/claimed": ["added", 2.6, false],
   "claim/believed": ["believed", 2.6, false],
   "claim/withheld": ["lost", 1.8, true],
@@ -82,11 +82,12 @@ class BoxView {
     return opacityOf(box.condition, progress) >= 0.5 && shown(box.role);
   }
 
-  select(number) {
+  // outcome: what the box is at this place of the slider.
+  select(number, outcome) {
     clearLines(this.selection);
     if (number === null) return;
     const box = this.scene.boxes[number];
-    const [colour] = BOX_STYLES[`${box.role}/${box.outcome}`];
+    const [colour] = BOX_STYLES[`${box.role}/${outcome}`];
     const outline = this.add(this.selection, [box], colour, 4, false);
     outline.material.depthTest = false; // it is seen through everything
     outline.renderOrder = 3;

@@ -35,7 +35,31 @@ Viewer.prototype.connectFrames = function () {
   one("run").addEventListener("click", () => this.runTime());
   one("options").hidden = options.length < 2;
   one("option").replaceChildren(...options.map((name, number) => new Option(name, number)));
-  one("option").addEventListener("change", () => this.open(this.number));
+  one("option").addEventListener("change", () => {
+    this.markTime();
+    this.open(this.number);
+  });
+  this.markTime();
+};
+
+// The frames that the chosen attack touches, each row with its first and last one.
+Viewer.prototype.runs = function () {
+  return this.source.attacked[Number(this.one("option").value)] ?? [];
+};
+
+// Marks them below the time line; one frame is seen, too.
+Viewer.prototype.markTime = function () {
+  const runs = this.runs(), last = Math.max(1, this.source.frames.length - 1);
+  const marks = this.one("attacked");
+  marks.hidden = !runs.length;
+  const times = runs.map(([from, to]) => (from === to ? `${from}` : `${from} to ${to}`)).join(", ");
+  marks.title = `attacked: frames ${times}`.slice(0, 300);
+  marks.replaceChildren(...runs.map(([from, to]) => {
+    const mark = element("span", "", "");
+    mark.style.left = `${(100 * from) / last}%`;
+    mark.style.width = `${(100 * (to - from)) / last}%`;
+    return mark;
+  }));
 };
 
 // To another frame, if there is one of that number.

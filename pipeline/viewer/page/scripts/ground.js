@@ -1,7 +1,7 @@
 // What lies on the ground: rings of distance, the sensor's vehicle, lanes and trajectories.
 
 const RINGS_M = [20, 40, 60, 80];
-const LINE_STYLES = { lane: ["lane", 1.2, false], true: ["truth", 2.6, false], believed: ["believed", 2.6, true], claim: ["added", 1.2, true] };
+const LINE_STYLES = { lane: ["lane", 1.2, false], true: ["true", 2.6, false], believed: ["believed", 2.6, true], claim: ["added", 1.2, true] };
 
 class GroundView {
   constructor(root) {

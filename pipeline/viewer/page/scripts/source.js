@@ -4,12 +4,14 @@ function sourceOf(root) {
   return root.dataset.source === "server" ? serverSource() : pageSource(root);
 }
 
-// Resolves to { frames: [title], options: [name of a bag], scene(number, number of an option) }.
+// Resolves to { frames: [title], options: [name of a bag], attacked: [first and last frames in a row, of each option],
+// scene(number, number of an option) }.
 async function pageSource(root) {
   const scripts = [...root.querySelectorAll("script.adv-scene")];
   return {
     frames: scripts.map((script) => script.dataset.title),
     options: [],
+    attacked: [],
     scene: async (number) => decodeScene(JSON.parse(scripts[number].textContent)),
   };
 }

@@ -11,7 +11,7 @@ async function start(root) {
     return;
   }
   root.dataset.started = "yes";
-  await viewer.go(0);
+  await viewer.go(viewer.runs()[0]?.[0] ?? 0);
 }
 
 const watcher = new IntersectionObserver((entries) => {

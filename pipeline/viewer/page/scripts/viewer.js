@@ -4,6 +4,8 @@ const VIEWS = { r: "reset", t: "top", e: "ego" };
 const PLAY_MS = 2600; // from the clean to the attacked cloud
 const NAMED = ["lost", "displaced", "believed", "claimed", "withheld"]; // outcomes with a label, the first before others
 const MOST_LABELS = 60;
+const CHOSEN_FIRST = ["lost", "displaced", "claimed", "changed"]; // outcomes of which an object is chosen if nobody chose
+const CHOSEN_M = 300; // from the vehicle, at most
 const FRAMES_PER_S = 5; // of a time line that plays
 
 class Viewer {
@@ -59,16 +61,29 @@ class Viewer {
     this.list();
     if (isFirst) this.look("reset");
     this.select(this.sameOr(kept));
+    if (isFirst) this.look("reset"); // now with what was chosen
     this.root.dataset.ready = String(number);
   }
 
-  // The number of the object that was chosen in the frame before; without one, of one that is lost, displaced or claimed;
-  // or null.
+  // The number of the object that was chosen in the frame before; without one, of one that is lost, displaced, claimed
+  // or changed: one that is seen, and of these the nearest; or null.
   sameOr(id) {
-    const { boxes } = this.scene;
-    const found = [(box) => id && box.id === id, ...["lost", "displaced", "claimed", "changed"].map((outcome) => (box) => box.outcome === outcome)]
-      .map((is) => boxes.findIndex(is));
-    return found.find((number) => number >= 0) ?? null;
+    const boxes = [...this.scene.boxes.entries()];
+    const same = boxes.find(([, box]) => id && box.id === id);
+    if (same) return same[0];
+    const away_m = ({ box: [x, y] }) => Math.hypot(x, y);
+    const rank = ([, box]) => [CHOSEN_FIRST.indexOf(box.outcome), this.stage.pixel(...box.box.slice(0, 3)) ? 0 : 1, away_m(box)];
+    const [first] = boxes
+      .filter(([, box]) => CHOSEN_FIRST.includes(box.outcome) && away_m(box) < CHOSEN_M)
+      .map((one) => [rank(one), one[0]])
+      .sort(([a], [b]) => a[0] - b[0] || a[1] - b[1] || a[2] - b[2]);
+    return first?.[1] ?? null;
+  }
+
+  // What the object is at this place of the slider: on the clean cloud, one that the attack hides is found.
+  outcomeNow(box) {
+    const isHidden = box.role === "truth" && ["lost", "displaced"].includes(box.outcome);
+    return isHidden && this.scene.is_attacked && this.progress < 0.5 ? "found" : box.outcome;
   }
 
   draw() {
@@ -95,30 +110,44 @@ class Viewer {
     this.ground.move(progress, shown);
     const rank = ([number, { outcome }]) => (number === this.selected ? 0 : 1 + NAMED.indexOf(outcome));
     const named = [...this.scene.boxes.entries()].filter(
-      ([number, box]) => number === this.selected ||
+      ([number, box]) => (number === this.selected && this.boxes.isShown(box, progress, shown)) ||
         (NAMED.includes(box.outcome) && this.boxes.isShown(box, progress, shown) &&
           (box.role === "claim" || progress >= 0.5)));
     named.sort((a, b) => rank(a) - rank(b)); // else the nearest first, as they come
-    this.labels.show(named.slice(0, MOST_LABELS).filter(([, box]) => OUTCOMES[box.outcome]), RINGS_M, this.scene.ground_z_m);
+    const labelled = named.slice(0, MOST_LABELS).map(([number, box]) => [number, { ...box, outcome: this.outcomeNow(box) }]);
+    this.labels.show(labelled.filter(([, box]) => OUTCOMES[box.outcome]), RINGS_M, this.scene.ground_z_m);
+    this.tell(progress, shown);
     this.one("stretched").hidden = this.stretch === 1 || !this.scene.points.counts[MOVED];
     this.one("stretched").textContent = `displacements × ${this.stretch}`;
     this.stage.draw();
   }
 
   look(name) {
-    this.stage.look(name, focusOf(this.scene), this.scene.ground_z_m);
+    const chosen = this.selected === null ? [] : [this.scene.boxes[this.selected].box.slice(0, 3)];
+    this.stage.look(name, [...focusOf(this.scene), ...chosen], this.scene.ground_z_m);
   }
 
   select(number) {
     this.selected = number;
-    this.boxes.select(number);
+    this.told = null;
     this.one("objects").value = number === null ? "" : String(number);
     this.one("closer").hidden = number === null;
-    const story = number === null
-      ? [element("p", "adv-lead", "Click on a box, or choose an object, to read about it.")]
-      : storyOf(this.scene.boxes[number]);
-    this.one("story").replaceChildren(...story);
     this.move();
+  }
+
+  // The story and the outline of the chosen object, made anew where the slider makes it another.
+  tell(progress, shown) {
+    const { selected } = this;
+    const box = selected === null ? null : this.scene.boxes[selected];
+    this.boxes.selection.visible = !box || this.boxes.isShown(box, progress, shown);
+    const now = box ? this.outcomeNow(box) : "none";
+    if (this.told === now) return;
+    this.told = now;
+    this.boxes.select(selected, now);
+    const story = box
+      ? storyOf({ ...box, outcome: now })
+      : [element("p", "adv-lead", "Click on a box, or choose an object, to read about it.")];
+    this.one("story").replaceChildren(...story);
   }
 
   // The objects, for those who do not click on a canvas.
@@ -166,7 +195,7 @@ class Viewer {
   mark(name, shape, text) {
     const isSwitch = ["truth", "prediction", "claim", "cam", "ldm", "lane", "true", "believed"].includes(name);
     const made = element(isSwitch ? "button" : "span", "adv-mark", text);
-    made.prepend(element("i", `adv-${shape} adv-${{ true: "truth", claim: "added" }[name] ?? name}`, ""));
+    made.prepend(element("i", `adv-${shape} adv-${{ claim: "added" }[name] ?? name}`, ""));
     if (!isSwitch) return made;
     made.type = "button";
     made.title = "show or hide";
