@@ -125,6 +125,8 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
     frames = _chosen(source, indices[max(before, 0) :])
     for frame in islice(frames, 1 if before >= 0 else 0):
         checks.check(frame)
+        last = read_part_summary(folders[done - 1])  # which has counted that frame
+        checks.near_boxes, checks.hit_boxes = last.near_boxes, last.hit_boxes
     chosen = track(frames, f"importing {source.name}", len(indices) - starts[done])
     for start, part in zip(starts[done:], folders[done:], strict=True):
         expected = min(PART_FRAMES, len(indices) - start)
@@ -143,8 +145,15 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
                     f"{source.name} ends after {start + read} of {len(indices)} frames; it is truncated, or "
                     "changes while it is read"
                 )
-            warnings = tuple(checks.warnings)
-            PartSummary(counts=counts, sizes=tuple(sizes), warnings=warnings).write(writer.folder)
+            if start + read == len(indices):
+                checks.finish()
+            PartSummary(
+                counts=counts,
+                sizes=tuple(sizes),
+                warnings=tuple(checks.warnings),
+                near_boxes=checks.near_boxes,
+                hit_boxes=checks.hit_boxes,
+            ).write(writer.folder)
         yield part
 
 
