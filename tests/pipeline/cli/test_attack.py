@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -203,3 +204,23 @@ def test_options_of_an_attack_reach_it(bag: Path, said: Said, monkeypatch: pytes
         {"ratio": 0.003},
         {"x_m": -10.0, "y_m": 5.0, "rebuild_path": False},
     ]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, []),
+        ({"level": True, "scale_intensity": 1 / 255}, ["--level", "--scale-intensity", str(1 / 255)]),
+        ({"lidar_height_m": 2.2}, ["--lidar-height", "2.2"]),
+    ],
+)
+def test_the_evaluation_sees_the_clouds_as_the_attack_did(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, given: dict[str, object], words: list[str]
+) -> None:
+    def note(clean: Path, out: Path, request: AttackRequest, **_: object) -> AttackSummary:
+        return AttackSummary(out)
+
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
+    (command,) = attack_command(bag, **given).next_commands  # type: ignore[arg-type]
+    made = bag.with_name("bag-detach-best-0.01")
+    assert shlex.split(command)[-3 - len(words) :] == ["evaluate", str(bag), str(made), *words]
