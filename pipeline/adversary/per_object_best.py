@@ -48,6 +48,8 @@ class PerObjectBest:
         """Evaluate a candidate (N, 4); returns the points (N,) for which it is the best so far.
 
         found: what the detector finds in the points that the focus shows, where that is known."""
+        if not self._focus.is_open.any():
+            return np.zeros(len(candidate), bool)
         if found is None:
             shown = jittered(candidate[self._focus.shown], self._jitter_m, self._rng)
             found = self._detector.detect(cloud_of_xyzi(shown))

@@ -105,7 +105,8 @@ def attack_command(
         overwrite=overwrite,
         parameters=given_parameters(given, settings or []),
     )
-    return attacked(summary, [_evaluation(bag, summary.bag, detector)])
+    adaptation = _adaptation_words(lidar_height_m, level, scale_intensity)
+    return attacked(summary, [_evaluation(bag, summary.bag, detector, adaptation)])
 
 
 def attacked(summary: AttackSummary, next_commands: Sequence[str] = ()) -> Answer:
@@ -117,7 +118,15 @@ def attacked(summary: AttackSummary, next_commands: Sequence[str] = ()) -> Answe
     return Answer(document, shown, made={"bag": summary.bag}, next_commands=next_commands)
 
 
-def _evaluation(clean: Path | None, adversarial: Path, detector: str) -> str:
+def _adaptation_words(lidar_height_m: float | None, level: bool, scale_intensity: float) -> list[str]:
+    """The options by which the evaluation shows the detector the same clouds as the attack did."""
+    height = [] if lidar_height_m is None else ["--lidar-height", repr(lidar_height_m)]
+    is_scaled = scale_intensity != AttackOptions.scale_intensity
+    scale = ["--scale-intensity", repr(scale_intensity)] if is_scaled else []
+    return [*height, *(["--level"] if level else []), *scale]
+
+
+def _evaluation(clean: Path | None, adversarial: Path, detector: str, adaptation: Sequence[str]) -> str:
     """The command that evaluates the bag: of a data set all of its attacks, again where there is a report."""
     from advpipe.commands.paths import bag_or_newest, default_output
     from advpipe.pipeline.bag.locate import CLEAN_NAME
@@ -128,7 +137,7 @@ def _evaluation(clean: Path | None, adversarial: Path, detector: str) -> str:
     is_in_set = bag.name == CLEAN_NAME and adversarial.parent.resolve() == folder.resolve()
     chosen = ["--detector", detector] if detector != AttackOptions.detector else []
     again = ["--overwrite"] if report.exists() else []
-    return typed("evaluate", *([folder] if is_in_set else [bag, adversarial]), *chosen, *again)
+    return typed("evaluate", *([folder] if is_in_set else [bag, adversarial]), *chosen, *adaptation, *again)
 
 
 def given_parameters(options: dict[str, Any], settings: list[str]) -> dict[str, Any]:

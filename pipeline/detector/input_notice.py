@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -54,15 +55,16 @@ def input_differences(
         fit = fit_ground(xyz(first.cloud))
         if isinstance(fit, str):
             yield f"{option_name('level', True)} does not level the first cloud: {fit}"
-    elif mount := lidar_height_and_tilt(reader, first):
-        height_m, tilt_rad = mount
+    elif stance := lidar_stance(reader, first):
         taken_m = expected.lidar_height_m if adaptation.lidar_height_m is None else adaptation.lidar_height_m
-        if abs(height_m - taken_m) > TOLERATED_M:
-            what = f"its LiDAR is {height_m:.2f} m above the ground"
+        if abs(stance.height_m - taken_m) > TOLERATED_M:
+            what = f"its LiDAR is {stance.height_m:.2f} m above the ground"
+            if stance.stated_height_m is not None:
+                what += f" of the first cloud (its mount says {stance.stated_height_m:.2f} m)"
             whose = "{detector} expects" if adaptation.lidar_height_m is None else "the option says"
-            given = option_name("lidar_height_m", round(height_m, 2))
+            given = option_name("lidar_height_m", round(stance.height_m, 2))
             yield f"{what}, {whose} {taken_m:.2f} m; give {given} or {option_name('level', True)}"
-        if (tilt_deg := math.degrees(tilt_rad)) > TOLERATED_DEG:
+        if (tilt_deg := math.degrees(stance.tilt_rad)) > TOLERATED_DEG:
             yield (
                 f"its LiDAR is tilted by {tilt_deg:.1f}°, {{detector}} expects level ground; "
                 f"give {option_name('level', True)}"
@@ -75,11 +77,27 @@ def input_differences(
         yield f"its intensities go up to {brightest:g}, {whose}; give {option}"
 
 
-def lidar_height_and_tilt(reader: BagReader, first: StampedCloud) -> tuple[float, float] | None:
-    """The LiDAR's height in metres and its tilt in radians, by its mount or else by the ground; None where
-    neither is known."""
-    mount = base_link_SE3_lidar(reader, first.frame_id)
-    if mount is not None and HEIGHTS_M[0] < mount[2, 3] < HEIGHTS_M[1]:
-        return float(mount[2, 3]), float(np.arccos(np.clip(mount[2, 2], -1.0, 1.0)))
+@dataclass(frozen=True)
+class LidarStance:
+    """How a LiDAR stands above the ground. stated_height_m: by the mount, where the ground contradicts it."""
+
+    height_m: float
+    tilt_rad: float
+    stated_height_m: float | None = None
+
+
+def lidar_stance(reader: BagReader, first: StampedCloud) -> LidarStance | None:
+    """A LiDAR's height and tilt: by its mount, unless the ground in the first cloud contradicts it by more
+    than a detector tolerates; None where neither is known."""
+    pose = base_link_SE3_lidar(reader, first.frame_id)
     plane = fit_ground(xyz(first.cloud))
-    return None if isinstance(plane, str) else (plane.height_m, plane.tilt_rad)
+    seen = None if isinstance(plane, str) else LidarStance(plane.height_m, plane.tilt_rad)
+    if pose is None or not HEIGHTS_M[0] < pose[2, 3] < HEIGHTS_M[1]:
+        return seen
+    stated = LidarStance(float(pose[2, 3]), float(np.arccos(np.clip(pose[2, 2], -1.0, 1.0))))
+    if seen is None:
+        return stated
+    if abs(seen.height_m - stated.height_m) > TOLERATED_M:
+        return replace(seen, stated_height_m=stated.height_m)
+    is_tilted_otherwise = math.degrees(abs(seen.tilt_rad - stated.tilt_rad)) > TOLERATED_DEG
+    return replace(stated, tilt_rad=seen.tilt_rad) if is_tilted_otherwise else stated

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, se3
-from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers
+from advpipe.pipeline.kitti.calibration_matrices import CalibrationFile
+from advpipe.pipeline.kitti.number_lines import read_keyed_numbers
 
 CAMERAS = (0, 1, 2, 3)
 """Two grey cameras and two in colour; labels are made in the images of camera 2, the left one in colour."""
@@ -54,23 +55,16 @@ class KittiCalibration:
 def read_object_calibration(file: Path) -> KittiCalibration:
     """Read calib/NNNNNN.txt: P2, R0_rect and Tr_velo_to_cam are required. Raises AdvpipeError."""
     numbers = read_keyed_numbers(file)
-    required = matrix_of(numbers, f"P{LABELLED_CAMERA}", (3, 4), file, _FIX)
-    projections = {
-        camera: matrix_of(numbers, f"P{camera}", (3, 4), file, _FIX)
-        for camera in CAMERAS
-        if f"P{camera}" in numbers
-    }
-    imu = (
-        matrix_of(numbers, "Tr_imu_to_velo", (3, 4), file, _FIX)
-        if "Tr_imu_to_velo" in numbers
-        else np.eye(4)[:3]
-    )
-    return KittiCalibration(
-        {**projections, LABELLED_CAMERA: required},
-        matrix_of(numbers, "R0_rect", (3, 3), file, _FIX),
-        _homogeneous(matrix_of(numbers, "Tr_velo_to_cam", (3, 4), file, _FIX)),
-        _homogeneous(imu),
-    )
+    calibration = CalibrationFile(file, numbers, _FIX)
+    keys = {camera: f"P{camera}" for camera in CAMERAS}
+    written = {camera: key for camera, key in keys.items() if camera == LABELLED_CAMERA or key in numbers}
+    projections = calibration.projections(written, LABELLED_CAMERA)
+    rectification_R = calibration.rotation("R0_rect")
+    camera_SE3_lidar = calibration.pose("Tr_velo_to_cam")
+    calibration.refuse_camera_aside("Tr_velo_to_cam", rectification_R @ camera_SE3_lidar[:3, :3])
+    imu = "Tr_imu_to_velo"
+    lidar_SE3_imu = calibration.pose(imu) if calibration.has(imu) else np.eye(4)
+    return KittiCalibration(projections, rectification_R, camera_SE3_lidar, lidar_SE3_imu)
 
 
 def format_object_calibration(calibration: KittiCalibration) -> str:
@@ -83,8 +77,3 @@ def format_object_calibration(calibration: KittiCalibration) -> str:
     return "".join(
         f"{key}: {' '.join(f'{number:.12e}' for number in matrix.ravel())}\n" for key, matrix in lines.items()
     )
-
-
-def _homogeneous(matrix: Float64) -> Float64:
-    """The matrix (3, 4) as (4, 4)."""
-    return np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]])

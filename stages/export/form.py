@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from advpipe.pipeline.bag.frames import find_lidar_topic
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.core.text import counted
@@ -60,3 +62,7 @@ class ExportForm(ABC):
 
         A frame has the same name in each of them. Raises AdvpipeError for a bag without what the form needs.
         """
+
+    def taken_topics(self, bag: Path, options: ExportOptions) -> Sequence[str]:
+        """The topics of the clouds that it writes: one LiDAR, where it does not say otherwise."""
+        return [find_lidar_topic(BagReader(bag), options.lidar_topic)]

@@ -13,7 +13,7 @@ from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud, xyz
-from advpipe.pipeline.messages.message_bounds import LARGEST_M, LATEST_NS
+from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 
 FASTEST_MPS = 100.0
@@ -24,6 +24,12 @@ _FARTHEST_M = 1000.0
 
 _NEAR_M, _ENOUGH_BOXES, _FEW = 20.0, 20, 0.3
 """Labelled objects this near have points; fewer than this share of that many means another frame or unit."""
+
+_FEW_BOXES = 3
+"""A drive with fewer near boxes than `_ENOUGH_BOXES` is judged at its end, if it has this many."""
+
+_LONGEST_BOX_M = 30.0
+"""No road user is longer, road trains aside: a box beyond it has another unit."""
 
 _ABOVE_GROUND_M = 0.3
 """Points lower in a box may be of the ground, which is everywhere."""
@@ -39,14 +45,15 @@ _JUMP_M = 5.0
 class DriveChecks:
     """Checks frame after frame; it remembers what it must of the last one.
 
-    are_related: whether neighbouring frames belong together. warnings: sentences, each once.
+    are_related: whether neighbouring frames belong together. warnings: sentences, each once. near_boxes,
+    hit_boxes: labelled boxes near the LiDAR, and those of them that hold points.
     """
 
     are_related: bool
     warnings: list[str] = field(default_factory=list)
+    near_boxes: int = 0
+    hit_boxes: int = 0
     _last: tuple[str, int, dict[str, Float64]] | None = None
-    _near_boxes: int = 0
-    _hit_boxes: int = 0
 
     def check(self, frame: DriveFrame) -> None:
         """Raises AdvpipeError, one line, for a frame that cannot be right."""
@@ -86,15 +93,24 @@ class DriveChecks:
     def _check_boxes(self, vehicle: VehicleFrame) -> None:
         """Count those near the LiDAR, and those with points; a dozen frames show whether both fit."""
         lidar = vehicle.boxes_frame.rpartition("/")[2]
-        if vehicle.boxes is None or lidar not in vehicle.clouds or self._near_boxes >= _ENOUGH_BOXES:
+        if vehicle.boxes is None or lidar not in vehicle.clouds or self.near_boxes >= _ENOUGH_BOXES:
             return
         near = vehicle.boxes.geometry[np.hypot(*vehicle.boxes.geometry[:, :2].T) < _NEAR_M]
         raised = near + np.array([0, 0, _ABOVE_GROUND_M / 2, 0, 0, -_ABOVE_GROUND_M, 0])
-        self._near_boxes += len(near)
-        self._hit_boxes += int((count_points(xyz(vehicle.clouds[lidar]), raised) > 0).sum())
-        if self._near_boxes >= _ENOUGH_BOXES and self._hit_boxes < _FEW * self._near_boxes:
+        self.near_boxes += len(near)
+        self.hit_boxes += int((count_points(xyz(vehicle.clouds[lidar]), raised) > 0).sum())
+        if self.near_boxes >= _ENOUGH_BOXES:
+            self._judge_boxes()
+
+    def finish(self) -> None:
+        """Judge what a short drive has of boxes, after its last frame."""
+        if _FEW_BOXES <= self.near_boxes < _ENOUGH_BOXES:
+            self._judge_boxes()
+
+    def _judge_boxes(self) -> None:
+        if self.hit_boxes < _FEW * self.near_boxes:
             self._warn(
-                f"Of {self._near_boxes} labelled boxes within {_NEAR_M:g} m, {self._hit_boxes} hold points; "
+                f"Of {self.near_boxes} labelled boxes within {_NEAR_M:g} m, {self.hit_boxes} hold points; "
                 "boxes and clouds may differ in frame, unit, axes (x forward, y left, z up), or time."
             )
 
@@ -127,8 +143,10 @@ def _problems(name: str, vehicle: VehicleFrame) -> Iterator[str]:
         sizes = boxes.geometry[:, 3:6]
         if not np.isfinite(boxes.geometry).all():
             yield "a box has a coordinate that is not finite"
-        elif (sizes <= 0).any() or (sizes > LARGEST_M).any():
-            yield f"a box has the size {sizes[(sizes <= 0) | (sizes > LARGEST_M)][0]:g} m"
+        elif (sizes <= 0).any() or (sizes > _LONGEST_BOX_M).any():
+            size_m = sizes[(sizes <= 0) | (sizes > _LONGEST_BOX_M)][0]
+            unit = f", and road users are up to {_LONGEST_BOX_M:g} m long; give metres" if size_m > 0 else ""
+            yield f"a box has the size {size_m:g} m{unit}"
     pose = vehicle.map_SE3_base
     if pose is not None and not _is_rigid(pose):
         yield "its pose is not a rotation and a translation"

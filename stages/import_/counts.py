@@ -68,12 +68,15 @@ def cloud_sizes(frame: DriveFrame) -> Iterator[CloudSize]:
 class PartSummary(Document):
     """What is kept beside a finished part: a run that resumes says the same as one that was not killed.
 
-    counts: of its frames. sizes: of its clouds. warnings: of the checks, up to its end.
+    counts: of its frames. sizes: of its clouds. warnings, near_boxes, hit_boxes: of
+    the checks, up to its end.
     """
 
     counts: FrameCounts
     sizes: tuple[CloudSize, ...] = ()
     warnings: tuple[str, ...] = ()
+    near_boxes: int = 0
+    hit_boxes: int = 0
 
     def write(self, folder: Path) -> None:
         """Keep it in the folder of the part."""

@@ -12,6 +12,7 @@ import yaml
 
 from advpipe.pipeline.bag.provenance import imported_provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_source import RecordedSource
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, as_usage_error
@@ -30,6 +31,7 @@ from advpipe.stages.import_.counts import FrameCounts, PartSummary, cloud_sizes,
 from advpipe.stages.import_.drive import DriveFrame, DriveSource, FingerprintedSource, LicensedSource
 from advpipe.stages.import_.form import DriveForm
 from advpipe.stages.import_.options import ImportOptions, ImportRequest
+from advpipe.stages.import_.own_export import exported_options, read_exported_source
 from advpipe.stages.import_.record import frame_messages, static_messages
 from advpipe.stages.import_.refusals import refuse_export_folder, refuse_unknown_classes
 from advpipe.stages.import_.registry import find_form
@@ -87,7 +89,11 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
         source = form.open(request.source, request.options)
         indices = FrameSlice.parse(request.options.frames).indices(source.frame_count)
         refuse_unknown_classes(form, source, request)
-    description = _description(request, source, form)
+        exported = read_exported_source(request.source)
+        if exported is not None:
+            source = form.open(request.source, exported_options(form, source, request.options, exported))
+    published = exported or (source if isinstance(source, LicensedSource) else form)
+    description = _description(request, source, published)
     checks = DriveChecks(source.are_related)
     plan_progress({f"importing {source.name}": 9, "writing the bag": 3})
     with (
@@ -105,7 +111,8 @@ def import_drive(request: ImportRequest, out: Path, *, overwrite: bool = False) 
             for message in _joined(parts, source):
                 writer.write_cdr(*message)
     sparse = sparse_clouds(size for each in summaries for size in each.sizes)
-    notes = (*_licence_note(request, form.licence), *source.notes, *checks.warnings, *sparse)
+    licence = form.licence if exported is None else None
+    notes = (*_licence_note(request, licence), *source.notes, *checks.warnings, *sparse)
     return ImportSummary(out / "clean", request.form, len(indices), counts, description["licence"], notes)
 
 
@@ -125,6 +132,8 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
     frames = _chosen(source, indices[max(before, 0) :])
     for frame in islice(frames, 1 if before >= 0 else 0):
         checks.check(frame)
+        last = read_part_summary(folders[done - 1])  # which has counted that frame
+        checks.near_boxes, checks.hit_boxes = last.near_boxes, last.hit_boxes
     chosen = track(frames, f"importing {source.name}", len(indices) - starts[done])
     for start, part in zip(starts[done:], folders[done:], strict=True):
         expected = min(PART_FRAMES, len(indices) - start)
@@ -143,8 +152,15 @@ def _parts(source: DriveSource, indices: range, job: Path, checks: DriveChecks) 
                     f"{source.name} ends after {start + read} of {len(indices)} frames; it is truncated, or "
                     "changes while it is read"
                 )
-            warnings = tuple(checks.warnings)
-            PartSummary(counts=counts, sizes=tuple(sizes), warnings=warnings).write(writer.folder)
+            if start + read == len(indices):
+                checks.finish()
+            PartSummary(
+                counts=counts,
+                sizes=tuple(sizes),
+                warnings=tuple(checks.warnings),
+                near_boxes=checks.near_boxes,
+                hit_boxes=checks.hit_boxes,
+            ).write(writer.folder)
         yield part
 
 
@@ -196,10 +212,11 @@ def _licence_note(request: ImportRequest, licence: str | None) -> Iterator[str]:
         )
 
 
-def _description(request: ImportRequest, source: DriveSource, form: DriveForm) -> dict[str, Any]:
+def _description(
+    request: ImportRequest, source: DriveSource, published: LicensedSource | RecordedSource | DriveForm
+) -> dict[str, Any]:
     """What source.yaml and the provenance say: the form, the source's name, its licence, and the options."""
     default, given = ImportOptions(), request.options
-    published = source if isinstance(source, LicensedSource) else form
     changed = {
         each.name: value
         for each in fields(ImportOptions)

@@ -9,7 +9,7 @@ from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.expected_input import HEIGHT_KEY
-from advpipe.pipeline.detector.input_notice import TOLERATED_M, lidar_height_and_tilt
+from advpipe.pipeline.detector.input_notice import TOLERATED_M, lidar_stance
 
 
 def training_height(bags: Iterable[Path]) -> Mapping[str, str]:
@@ -33,5 +33,5 @@ def training_height(bags: Iterable[Path]) -> Mapping[str, str]:
 def _height_m(bag: Path) -> float | None:
     reader = BagReader(bag)
     first = reader.cloud(next(iter(reader.raw_messages([find_lidar_topic(reader)]))))
-    mount = lidar_height_and_tilt(reader, first)
-    return None if mount is None else mount[0]
+    stance = lidar_stance(reader, first)
+    return None if stance is None else stance.height_m

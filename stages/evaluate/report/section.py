@@ -71,7 +71,7 @@ class ReportPicture:
     @property
     def aspect(self) -> float:
         """Width by height."""
-        width, height = struct.unpack(">II", self.png[16:24])
+        width, height = map(int, struct.unpack(">II", self.png[16:24]))
         return round(width / height, 4)
 
     @property

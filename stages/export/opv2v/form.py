@@ -36,7 +36,7 @@ class Opv2vExport(ExportForm):
     def write(self, bags: Mapping[str, Path], folder: Path, options: ExportOptions) -> ExportSummary:
         """Write the bags. Raises AdvpipeError for one without boxes or poses."""
         first = next(iter(bags.values()))
-        topics = _topics(first, options.lidar_topic)
+        topics = self.taken_topics(first, options)
         numbers = Numbers(vehicle_topics(topic).vehicle for topic in topics)
         writer = _Writer(numbers, Ticks(read_frame_names(first, as_numbers=True, is_ordered=True).names))
         objects = 0
@@ -55,6 +55,10 @@ class Opv2vExport(ExportForm):
         return ExportSummary(
             folder, "opv2v", len(bags), len(writer.ticks), objects, (note, *sorted(writer.notes))
         )
+
+    def taken_topics(self, bag: Path, options: ExportOptions) -> Sequence[str]:
+        """The LiDAR of each vehicle."""
+        return _topics(bag, options.lidar_topic)
 
 
 class _Writer:

@@ -9,8 +9,9 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.kitti.calibration import CAMERAS, KittiCalibration
-from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers, read_number_rows
+from advpipe.pipeline.kitti.calibration import CAMERAS, LABELLED_CAMERA, KittiCalibration
+from advpipe.pipeline.kitti.calibration_matrices import CalibrationFile
+from advpipe.pipeline.kitti.number_lines import read_keyed_numbers, read_number_rows
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
 from advpipe.stages.import_.folders import numbered_clouds, read_cloud, stray_notes
 from advpipe.stages.import_.kitti import cameras
@@ -108,6 +109,9 @@ def _read_calibration(file: Path) -> KittiCalibration:
         raise UsageError(f"{file} is missing; {_FIX}")
     numbers = read_keyed_numbers(file)
     key = "Tr" if "Tr" in numbers else "Tr_velo_to_cam"
-    camera_SE3_lidar = np.vstack([matrix_of(numbers, key, (3, 4), file, _FIX), [0.0, 0.0, 0.0, 1.0]])
-    projections = {camera: matrix_of(numbers, f"P{camera}", (3, 4), file, _FIX) for camera in CAMERAS}
+    calibration = CalibrationFile(file, numbers, _FIX)
+    camera_SE3_lidar = calibration.pose(key)
+    calibration.refuse_camera_aside(key, camera_SE3_lidar[:3, :3])
+    keys = {camera: f"P{camera}" for camera in CAMERAS}
+    projections = calibration.projections(keys, LABELLED_CAMERA)
     return KittiCalibration(projections, np.eye(3), camera_SE3_lidar)

@@ -12,9 +12,10 @@ import numpy as np
 from advpipe.pipeline.core.document import read_text
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
-from advpipe.pipeline.geometry.transforms import Float64, invert, transform_points
+from advpipe.pipeline.geometry.transforms import Float64, invert, se3, transform_points
 from advpipe.pipeline.kitti.calibration import CAMERAS, LABELLED_CAMERA, KittiCalibration
-from advpipe.pipeline.kitti.number_lines import matrix_of, read_keyed_numbers
+from advpipe.pipeline.kitti.calibration_matrices import CalibrationFile
+from advpipe.pipeline.kitti.number_lines import read_keyed_numbers
 from advpipe.pipeline.kitti.object_label import camera_box, observation_angle
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.messages.labels import IgnoredBoxes, ImageLabel
@@ -210,23 +211,17 @@ def _read_calibration(date: Path) -> tuple[KittiCalibration, tuple[int, int]]:
     for file in files:
         if not file.is_file():
             raise UsageError(f"{file} is missing; {_CALIBRATION_FIX}")
-    cam, velo, imu = map(read_keyed_numbers, files)
-    projections = {
-        camera: matrix_of(cam, f"P_rect_{camera:02d}", (3, 4), files[0], _CALIBRATION_FIX)
-        for camera in CAMERAS
-    }
-    size = matrix_of(cam, f"S_rect_{LABELLED_CAMERA:02d}", (2,), files[0], _CALIBRATION_FIX)
+    cam, velo, imu = (CalibrationFile(file, read_keyed_numbers(file), _CALIBRATION_FIX) for file in files)
+    keys = {camera: f"P_rect_{camera:02d}" for camera in CAMERAS}
+    projections = cam.projections(keys, LABELLED_CAMERA)
+    width_px, height_px = cam.matrix(f"S_rect_{LABELLED_CAMERA:02d}", (2,))
+    rectification_R, camera_SE3_lidar = cam.rotation("R_rect_00"), _rotation_and_translation(velo)
+    velo.refuse_camera_aside("R", rectification_R @ camera_SE3_lidar[:3, :3])
     calibration = KittiCalibration(
-        projections,
-        matrix_of(cam, "R_rect_00", (3, 3), files[0], _CALIBRATION_FIX),
-        _rotation_and_translation(velo, files[1]),
-        _rotation_and_translation(imu, files[2]),
+        projections, rectification_R, camera_SE3_lidar, _rotation_and_translation(imu)
     )
-    return calibration, (int(size[0]), int(size[1]))
+    return calibration, (int(width_px), int(height_px))
 
 
-def _rotation_and_translation(numbers: dict[str, Float64], file: Path) -> Float64:
-    matrix = np.eye(4)
-    matrix[:3, :3] = matrix_of(numbers, "R", (3, 3), file, _CALIBRATION_FIX)
-    matrix[:3, 3] = matrix_of(numbers, "T", (3,), file, _CALIBRATION_FIX)
-    return matrix
+def _rotation_and_translation(calibration: CalibrationFile) -> Float64:
+    return se3(calibration.rotation("R"), calibration.matrix("T", (3,)))

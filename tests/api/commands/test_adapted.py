@@ -24,7 +24,7 @@ from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.ground_plane import GroundPlane, fit_ground
 from advpipe.pipeline.messages.cloud import cloud_to_cdr, xyz
-from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
 from advpipe.stages.evaluate.detection.scoring import CachedDetector, found_objects, ground_truth, match
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -117,6 +117,31 @@ def test_what_differs_is_told(recorded: Record, capsys: pytest.CaptureFixture[st
         "its intensities go up to 255, small expects up to 1; give --scale-intensity 0.00392157"
     ]
     assert notices(recorded(intensity=255.0), capsys, Adaptation(scale_intensity=1 / 255)) == []
+
+
+def test_the_ground_is_fitted_although_a_mount_is_stated(
+    recorded: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mount that the source states, such as KITTI's, may not be that of the clouds."""
+
+    def as_mounted_before(seen: Path, name: str) -> Path:
+        static = list(BagReader(CLEAN).raw_messages([TF_STATIC.name]))
+        clouds = list(BagReader(seen).raw_messages([LIDAR]))
+        with BagWriter(tmp_path / name, provenance={}) as bag:
+            for raw in (*static, *clouds):
+                bag.copy(raw)
+        return tmp_path / name
+
+    tilted = as_mounted_before(recorded(pitch_rad=0.05), "tilted")
+    (line,) = notices(tilted, capsys)
+    assert line == "its LiDAR is tilted by 2.9°, small expects level ground; give --level"
+    assert notices(tilted, capsys, Adaptation(level=True)) == []
+    raised = as_mounted_before(recorded(up_m=0.4), "raised")
+    assert notices(raised, capsys) == [
+        "its LiDAR is 2.20 m above the ground of the first cloud (its mount says 1.80 m), small expects "
+        "1.80 m; give --lidar-height 2.2 or --level"
+    ]
+    assert notices(raised, capsys, Adaptation(2.2)) == []
 
 
 def test_without_a_mount_the_ground_decides(

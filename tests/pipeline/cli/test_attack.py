@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -221,3 +222,23 @@ def test_a_summary_breaks_between_words_on_a_terminal(
     assert len(lines) > 1
     assert max(map(len, lines)) <= 80
     assert " ".join(lines).split() == text.split()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, []),
+        ({"level": True, "scale_intensity": 1 / 255}, ["--level", "--scale-intensity", str(1 / 255)]),
+        ({"lidar_height_m": 2.2}, ["--lidar-height", "2.2"]),
+    ],
+)
+def test_the_evaluation_sees_the_clouds_as_the_attack_did(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, given: dict[str, object], words: list[str]
+) -> None:
+    def note(clean: Path, out: Path, request: AttackRequest, **_: object) -> AttackSummary:
+        return AttackSummary(out)
+
+    monkeypatch.setattr("advpipe.stages.attack.run.attack", note)
+    (command,) = attack_command(bag, **given).next_commands  # type: ignore[arg-type]
+    made = bag.with_name("bag-detach-best-0.01")
+    assert shlex.split(command)[-3 - len(words) :] == ["evaluate", str(bag), str(made), *words]

@@ -39,7 +39,8 @@ class LinearVoxelDetector:
         voxel[inside] = rows
         holds_points = torch.zeros(len(keys), dtype=torch.bool)
         holds_points[voxel[: len(points)][inside[: len(points)]]] = True
-        counts = inside & ((torch.arange(len(given)) < len(points)) | ~holds_points[voxel])
+        is_free = ~holds_points[voxel] if len(keys) else inside
+        counts = inside & ((torch.arange(len(given)) < len(points)) | is_free)
         count = torch.bincount(voxel[counts], minlength=len(keys))
         mean_x = torch.zeros(len(keys)).index_add(0, voxel[counts], given[counts, 0]) / count
         occupancy = holds_points.float().requires_grad_()

@@ -7,11 +7,13 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import advpipe.sample
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.import_ import run
 from advpipe.stages.import_.checks import DriveChecks
 from advpipe.stages.import_.drive import DriveFrame, VehicleFrame
@@ -33,6 +35,7 @@ def warnings_of(*vehicles: VehicleFrame, repeated: int = 5) -> list[str]:
     checks = DriveChecks(are_related=True)
     for stamp, vehicle in enumerate(vehicles * repeated):
         checks.check(DriveFrame(str(stamp), stamp, {"ego": vehicle}))
+    checks.finish()
     return checks.warnings
 
 
@@ -66,6 +69,30 @@ def test_boxes_that_hold_no_points_are_noticed(change: str) -> None:
         changed.append(VehicleFrame({"lidar": cloud}, replace(boxes, geometry=geometry)))
     (warning,) = warnings_of(*changed)
     assert "boxes and clouds may differ in frame, unit, axes" in warning
+
+
+@pytest.mark.parametrize(("boxes", "is_told"), [(2, False), (3, True), (19, True)])
+def test_a_short_drive_is_judged_by_the_boxes_that_it_has(boxes: int, is_told: bool) -> None:
+    (vehicle, *_) = real_frames()
+    assert vehicle.boxes is not None
+    place = np.array([[10.0, 0.0, 40.0, 4.0, 2.0, 1.5, 0.0]])  # in the air
+    aside = Boxes(
+        np.repeat(place, boxes, axis=0),
+        np.zeros(boxes, np.int64),
+        tuple(map(str, range(boxes))),
+        np.full((boxes, 3), np.nan),
+    )
+    warnings = warnings_of(replace(vehicle, boxes=aside), repeated=1)
+    told = [f"Of {boxes} labelled boxes within 20 m, 0 hold points" in each for each in warnings]
+    assert told == ([True] if is_told else [])
+
+
+def test_millimetres_are_no_size_of_a_road_user() -> None:
+    (vehicle, *_) = real_frames()
+    assert vehicle.boxes is not None
+    geometry = vehicle.boxes.geometry * [1, 1, 1, 1000, 1000, 1000, 1]
+    with pytest.raises(AdvpipeError, match=r"0: a box has the size \d+ m, .* up to 30 m long; give metres"):
+        warnings_of(replace(vehicle, boxes=replace(vehicle.boxes, geometry=geometry)))
 
 
 def test_a_scale_of_255_is_noticed_once(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ def test_a_sequence_becomes_a_bag_without_ground_truth(tmp_path):
     [
         ("sequences/04/calib.txt", None, r"calib\.txt is missing"),
         ("sequences/04/calib.txt", "P0: 1\n", "has no line Tr"),
+        ("sequences/04/calib.txt", f"Tr: {'0 ' * 12}\n", r"calib\.txt: Tr is no rotation; restore it"),
         ("sequences/04/times.txt", "0\n", r"times\.txt has 1 lines, but there is a cloud 000002\.bin"),
         ("poses/04.txt", "1 0 0 0 0 1 0 0 0 0 1\n", "line 1 does not have 12 finite numbers"),
         ("sequences/04/times.txt", "0\n0.2\n0.1\n", "is not after that of"),

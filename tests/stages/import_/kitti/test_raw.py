@@ -93,6 +93,8 @@ def test_without_labels_and_poses_the_clouds_remain(tmp_path):
             None,
             r"calib_velo_to_cam\.txt is missing; unpack the date's calibration",
         ),
+        ("../calib_velo_to_cam.txt", f"R: {'0 ' * 9}\nT: 0 0 0\n", r"velo_to_cam\.txt: R is no rotation"),
+        ("../calib_velo_to_cam.txt", "R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\n", "looks 90° aside"),
         ("../calib_cam_to_cam.txt", "P_rect_00: 1\n", "line P_rect_00 does not have 12 finite numbers"),
         ("velodyne_points/timestamps.txt", "2011-09-26 13:02:25\n", r"1 time stamps, but there is a cloud"),
         ("velodyne_points/timestamps.txt", "yesterday\n", "line 1 is no time stamp"),
