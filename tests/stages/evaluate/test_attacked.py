@@ -88,16 +88,16 @@ def test_an_attack_significantly_stronger_than_every_baseline(slow_clean, tmp_pa
 
 
 def test_random_best_hides_as_many_as_an_attack_that_takes_any_points_of_a_car(slow_clean, tmp_path):
-    """Three judged tries find that 45 points of any one car hide it: stronger than each plain draw."""
+    """Three judged tries find which object goes with the fewest points: the pedestrian, whose class has too few
+    boxes for the mean."""
     bag = attacked_beside(slow_clean, hide_first_car, looks="5")
     evaluate(slow_clean, [bag], tmp_path / "report", baseline_tries=3)
     (row,) = rows(tmp_path / "report")
     assert row["random_best_lost_objects"] >= row["lost_objects"] == FRAMES
-    assert row["random_best_map_ratio_percent"] < row["baseline_near_map_ratio_percent"]
-    assert row["significant_vs_random"] is row["significant_vs_random_best"] is False
-    assert row["significant_vs_baseline"] is True
+    assert row["random_best_lost_objects"] > row["baseline_near_lost_objects"]
+    assert row["random_best_ap_pedestrian_adv"] == 0
+    assert row["significant_vs_random"] is row["significant_vs_random_best"] is True  # of the mean, over cars
     assert "Fewer tries than the attack's 5: random-best, 3 tries." in row["notes"]
-    assert "Not significantly stronger than random-best, 3 tries." in row["notes"]
     page = (tmp_path / "report" / "report.html").read_text()
     assert "the same budget spent at random, best of 3 tries (the attack: best of 5), leaves" in page
 
