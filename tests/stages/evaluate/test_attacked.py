@@ -88,8 +88,8 @@ def test_an_attack_significantly_stronger_than_every_baseline(slow_clean, tmp_pa
 
 
 def test_random_best_hides_as_many_as_an_attack_that_takes_any_points_of_a_car(slow_clean, tmp_path):
-    """Three judged tries find which object goes with the fewest points: the pedestrian, whose class has too few
-    boxes for the mean."""
+    """Three judged tries find which object goes with the fewest points: the pedestrian, of a class with too
+    few boxes for the mean."""
     bag = attacked_beside(slow_clean, hide_first_car, looks="5")
     evaluate(slow_clean, [bag], tmp_path / "report", baseline_tries=3)
     (row,) = rows(tmp_path / "report")
