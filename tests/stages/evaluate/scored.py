@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -26,3 +27,14 @@ def evaluate(
     detectors = (detector,) if isinstance(detector, str) else tuple(detector)
     asked = Options(detectors=detectors, defences=tuple(defences), baseline_tries=baseline_tries, **options)
     return evaluate_anywhere(clean, adversarial, out, asked, workers=workers, overwrite=overwrite)
+
+
+def document(out: Path) -> dict[str, Any]:
+    """The report's figures."""
+    found: dict[str, Any] = json.loads((out / "report.json").read_text())
+    return found
+
+
+def unwrapped(capsys: Any) -> str:
+    """What was printed, without the terminal's line ends."""
+    return " ".join(capsys.readouterr().out.split())
