@@ -10,7 +10,8 @@ from functools import cached_property
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-PACKAGE = "advpipe.stages.attack"
+PACKAGES = ("advpipe.stages.attack.", "advpipe.pipeline.adversary.")
+"""Where what attacks are made of stands."""
 SWITCH = ("true", "false")
 """The words that a parameter without numbers may be where it is a switch."""
 
@@ -29,7 +30,7 @@ def parameter_words(attack: str) -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class _Source:
-    """A module below `FOLDER`, read and not run."""
+    """A module of ours, read and not run."""
 
     path: Path
 
@@ -41,10 +42,10 @@ class _Source:
     def imported(self) -> dict[str, _Source]:
         """The modules of the attacks that names come from."""
         return {
-            name.asname or name.name: _Source(FOLDER.joinpath(*parts[:-1], f"{parts[-1]}.py"))
+            name.asname or name.name: _Source(FOLDER.parents[1].joinpath(*folders, f"{module}.py"))
             for node in ast.walk(self.tree)
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(f"{PACKAGE}.")
-            for parts in [(node.module or "").removeprefix(f"{PACKAGE}.").split(".")]
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGES)
+            for _, *folders, module in [(node.module or "").split(".")]
             for name in node.names
         }
 
