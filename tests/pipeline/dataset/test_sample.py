@@ -19,6 +19,7 @@ from advpipe.pipeline.dataset.sample import copy_sample, shipped_report, shipped
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.training_maps import is_training_map, map_of
 from advpipe.pipeline.scenario import dump_scenario, load_scenario
+from advpipe.stages.evaluate.report.html import STYLE
 from advpipe.stages.simulate.run import simulate
 from advpipe.stages.verify.run import verify
 
@@ -71,7 +72,13 @@ def test_the_report_holds_its_pictures() -> None:
     page = shipped_report().read_text(encoding="utf-8")
     assert "detach-1-percent" in page
     assert "attach-300-points" in page
-    assert "data:image/png;base64," in page
+    assert page.count('<img src="data:image/svg+xml,') > 5
+    assert "data:image/png" not in page
+
+
+def test_the_report_is_a_page_of_today() -> None:
+    """`make sample` brings it up to date."""
+    assert STYLE.read_text(encoding="utf-8") in shipped_report().read_text(encoding="utf-8")
 
 
 def test_the_drive_is_the_same_when_it_is_made_anew(tmp_path: Path) -> None:
