@@ -50,5 +50,7 @@ def exported_options(
         return options
     names = set(source.class_names())
     before = {name: ours for name, ours in exported.options.classes.items() if name in names}
-    unknown = dict.fromkeys(sorted(names - set(form.classes)), IGNORED)
+    # nuScenes has names such as "class/state".
+    lacking = {name for name in names if not {name, name.partition("/")[0]} & set(form.classes)}
+    unknown = dict.fromkeys(sorted(lacking), IGNORED)
     return replace(options, classes={**unknown, **before, **options.classes})
