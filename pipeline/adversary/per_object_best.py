@@ -19,7 +19,7 @@ class PerObjectBest:
     """Evaluates candidates for one cloud and keeps the most successful points of each object.
 
     An object that a candidate succeeds on is done: the focus closes it, and later candidates are evaluated
-    around the others alone. Only the combination is evaluated on the whole cloud.
+    around the others alone. The combination of the best points is not evaluated again.
 
     clean: points (N, 4) x, y, z, intensity, in which the detector found `found`. owner: (N,) the object that
     each point belongs to, -1 for none. jitter_m: standard deviation of the noise that candidates are

@@ -44,8 +44,8 @@ REST_M = 0.02
 class RandomBest:
     """Random changes of a cloud of points (N, 4), all finite, with the best of `tries` for each object.
 
-    Where several are combined they are judged again, and the whole is kept if it is better. One try is not
-    judged: it is a random change near objects.
+    Removed and added points are judged together once more, moved ones are not. One try is not judged: it is a
+    random change near objects.
     """
 
     points: Float32
