@@ -22,7 +22,10 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
-GOALS = ("break", "hide")
+HIDE = "hide"
+"""A goal, and the recipe of that goal."""
+
+GOALS = ("break", HIDE)
 
 TRUTHS = ("boxes", "detections")
 
@@ -98,9 +101,11 @@ class Constraints:
 
     @staticmethod
     def among(parameters: Mapping[str, Any]) -> Constraints:
-        """The constraints among all parameters of an attack; missing ones have their defaults."""
+        """The constraints among all parameters of an attack, its recipe with them; missing ones have their
+        defaults. The recipe that hides has its goal in its name."""
         known = {option.name for option in fields(Constraints)}
-        return Constraints.of({name: value for name, value in parameters.items() if name in known})
+        found = {name: value for name, value in parameters.items() if name in known}
+        return Constraints.of(found | ({"goal": HIDE} if parameters.get("recipe") == HIDE else {}))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from advpipe.pipeline.adversary.constraints import Constraints
+from advpipe.pipeline.adversary.constraints import HIDE, Constraints
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.targets import AttackTargets, find_targets
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
@@ -39,8 +39,8 @@ NO_TARGETS = "no object to hide that the detector could find"
 class AttackGoal:
     """The M objects that an attack targets, in the cloud's frame.
 
-    targets: their boxes and labels. loss_targets: the targets of the detector's loss.
-    sign: +1 where the attack raises that loss, -1 where it lowers it.
+    targets: their boxes and labels. loss_targets: the targets of the detector's loss; none where the attack
+    hides all objects. sign: +1 where the attack raises that loss, -1 where it lowers it.
     aim: "break" detections, "hide" the objects, or "create" ghost objects.
     classes: the detector's. note: what the user must know about the targets. decoys: D false detections of
     the clean cloud, however faint; raising their scores counts as success, too.
@@ -61,6 +61,11 @@ class AttackGoal:
         """The boxes (M + D, 7) of the objects and the decoys: where moving points can have an effect."""
         regions: Float64 = torch.cat([self.targets.boxes, self.decoys.boxes]).double().numpy()
         return regions
+
+    @property
+    def reported_targets(self) -> AttackTargets:
+        """Those whose loss is reported: an attack that hides all objects lowers a loss without any."""
+        return self.loss_targets if len(self.loss_targets) else self.targets
 
     def success(self, found: Detections) -> Float64:
         """The success (M + D,) on each object and decoy, given these detections: higher is better.
@@ -119,9 +124,10 @@ def known_boxes(constraints: Constraints, detector: ObjectDetector, cloud: Cloud
 def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> AttackGoal:
     """The goal under these constraints; without objects and with a note if there is nothing to attack.
 
-    By default the attack breaks or hides all objects by raising the loss of the ground truth. It hides chosen
-    objects by lowering the loss of a ground truth without them, and creates a ghost object by lowering the
-    loss of a ground truth with it. Raises AdvpipeError for a ghost object outside the detector's classes
+    By default the attack breaks all objects by raising the loss of the ground truth. It hides objects, all or
+    chosen ones, by lowering the loss of a ground truth without them: that loss is steep where a detection is
+    sure, while the focal loss of a true object is flat there. It creates a ghost object by lowering the loss
+    of a ground truth with it. Raises AdvpipeError for a ghost object outside the detector's classes
     or range.
     """
     everyone, classes = find_targets(detector, cloud, boxes), detector.classes
@@ -139,6 +145,8 @@ def goal_of(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, bo
         )
         return AttackGoal(chosen, _without(everyone, chosen), -1.0, "hide", classes, note)
     note = "" if len(everyone) else NO_TARGETS
+    if constraints.goal == HIDE:
+        return AttackGoal(everyone, _without(everyone, everyone), -1.0, HIDE, classes, note)
     return AttackGoal(everyone, everyone, 1.0, constraints.goal, classes, note)
 
 

@@ -39,6 +39,7 @@ from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
     QUERYING,
+    WITH_GOAL,
     Budget,
     LidarAttack,
     LidarResult,
@@ -51,14 +52,14 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
 
 MAX_EPS_M = 5.0
 
 MAX_POINTS = 100_000
 """About the points of a whole LiDAR cloud; more would not fit into memory."""
 
-INSET_M = {"best": 0.002, "robust": 0.025}
+INSET_M = {"best": 0.002, "hide": 0.002, "robust": 0.025}
 """The distance of added points from the faces of their voxel; 1 cm of jitter seldom moves one by 2.5 cm."""
 
 JITTER_M = 0.01
@@ -76,16 +77,17 @@ class Attach(LidarAttack):
     eps_m: how far from the clean cloud's points they may lie.
     recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to
         a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
-        for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a
+        for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "hide" is
+        "best" with the goal to hide: no box that overlaps an object loosely is left. "robust" keeps a
         distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
         salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
         around those near objects, "random-best" likewise with the selection of "best": the baseline that
         reports compare the attack with. New points copy the intensity of the point that
         they start from.
-    rounds: how often "best" ranks the places.
+    rounds: how often "best" and "hide" rank the places.
     weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
         lambda and gives no value.
-    decay_m: "best" and "robust" multiply the gain of a point at distance d from the clean ones by
+    decay_m: "best", "hide" and "robust" multiply the gain of a point at distance d from the clean ones by
         exp(-(d / decay_m)**2): a small decay_m gives a small Chamfer distance.
     along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, intensity: see
         `constraints.Constraints`.
@@ -110,9 +112,9 @@ class Attach(LidarAttack):
         ),
         only_for={
             "rounds": QUERYING,
-            "goal": QUERYING,
+            "goal": WITH_GOAL,
             "weight": ("paper",),
-            "decay_m": ("best", "robust"),
+            "decay_m": ("best", "hide", "robust"),
             "intensity": QUERYING,
         },
     )
@@ -174,7 +176,7 @@ class Attach(LidarAttack):
             return unchanged(cloud, "no points to start from")
         boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before, found = look(detector, xyzi(scene), goal.loss_targets)
+        loss_before, found = look(detector, xyzi(scene), goal.reported_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
         if not len(goal.targets) and focused:
             return unchanged(cloud, goal.note)
@@ -190,7 +192,7 @@ class Attach(LidarAttack):
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = places.points[:, column]
         adversarial = np.concatenate([cloud, added])
-        loss_after, _ = look(detector, xyzi(np.concatenate([scene, added])), goal.loss_targets)
+        loss_after, _ = look(detector, xyzi(np.concatenate([scene, added])), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note)
         return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from advpipe.pipeline.adversary.constraints import HIDE
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -22,8 +23,11 @@ from advpipe.stages.attack.base import Attack, Traits
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 """The note on a frame where the loss has no gradient."""
 
-QUERYING = ("best", "robust", "random-best")
+QUERYING = ("best", "hide", "robust", "random-best")
 """The recipes that query the detector, and keep the best candidate."""
+
+WITH_GOAL = tuple(recipe for recipe in QUERYING if recipe != HIDE)
+"""Those whose goal can be chosen: `hide` has its own."""
 
 MAX_ROUNDS = 1_000_000
 """More steps or rounds for each cloud would take days."""

@@ -28,6 +28,7 @@ from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
     QUERYING,
+    WITH_GOAL,
     Budget,
     LidarAttack,
     LidarResult,
@@ -38,7 +39,7 @@ from advpipe.stages.attack.lidar.base import (
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 
-RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
 
 JITTER_M = 0.01
 """The noise under which the recipe `robust` evaluates its candidates."""
@@ -54,7 +55,8 @@ class Detach(LidarAttack):
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
     recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
-        budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
+        budget on the objects that are lost with the fewest points; "hide" is "best" with the goal to hide: no
+        box that overlaps an object loosely is left; "robust" does as "best" under jitter of 1 cm,
         without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
         the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
         near objects, "random-best" there with the selection of "best": the baseline that
@@ -80,7 +82,7 @@ class Detach(LidarAttack):
                 PublishedFigure(table_value=1.5, map_ratio_percent=88.75, chamfer_distance_m2=0.13397),
             ),
         ),
-        only_for={"rounds": (*QUERYING, "paper"), "goal": QUERYING},
+        only_for={"rounds": (*QUERYING, "paper"), "goal": WITH_GOAL},
     )
 
     ratio: float
@@ -137,7 +139,7 @@ class Detach(LidarAttack):
         scene = cloud[finite]
         boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before, found = look(detector, xyzi(scene), goal.loss_targets)
+        loss_before, found = look(detector, xyzi(scene), goal.reported_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
         rules = Rules(self.constraints, xyz(scene), boxes)
@@ -152,7 +154,7 @@ class Detach(LidarAttack):
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
-        loss_after, _ = look(detector, xyzi(np.delete(scene, chosen)), goal.loss_targets)
+        loss_after, _ = look(detector, xyzi(np.delete(scene, chosen)), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note, shortage)
         return LidarResult(
             np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note

@@ -27,6 +27,7 @@ from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
     QUERYING,
+    WITH_GOAL,
     Budget,
     LidarAttack,
     LidarResult,
@@ -46,7 +47,15 @@ NO_OCCUPANCY = "recipe {} needs a detector with occupancy_loss; used PGD with th
 INTENSITY_STAYS = "which leaves intensities alone"
 NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
-RECIPES = {"best": 24, "robust": 24, "paper": 40, "random": 1, "random-near": 1, "random-best": 24}
+RECIPES = {
+    "best": 24,
+    "hide": 48,
+    "robust": 24,
+    "paper": 40,
+    "random": 1,
+    "random-near": 1,
+    "random-best": 24,
+}
 """The default number of steps of each recipe: gradients, or random candidates."""
 
 SETTINGS = {
@@ -66,9 +75,10 @@ class Perturb(LidarAttack):
     eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
         candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it is PGD near
-        objects with the best iterate. "robust" lands 2 cm past the faces (eps / 2 at most) and expects 1 cm
-        of jitter; it is far weaker without jitter, and not significantly stronger than "random-best" under
-        it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines:
+        objects with the best iterate. "hide" is "best" with the goal to hide, no box that overlaps an object
+        loosely is left, and twice the steps. "robust" lands 2 cm past the faces (eps / 2 at most) and expects
+        1 cm of jitter; it is far weaker without jitter, and not significantly stronger than "random-best"
+        under it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random ones:
         "random" moves all points by eps in a random direction, "random-near" those near objects, and
         "random-best" draws `steps` candidates there, with the selection of "best": the baseline that
         reports compare the attack with.
@@ -98,7 +108,7 @@ class Perturb(LidarAttack):
         ),
         only_for={
             "steps": (*QUERYING, "paper"),
-            "goal": QUERYING,
+            "goal": WITH_GOAL,
             "weight": ("paper",),
             "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
         },
@@ -164,7 +174,7 @@ class Perturb(LidarAttack):
         points = xyzi(scene)
         boxes = known_boxes(self.constraints, detector, scene, boxes)
         goal = goal_of(self.constraints, detector, scene, boxes)
-        loss_before, found = look(detector, points, goal.loss_targets)
+        loss_before, found = look(detector, points, goal.reported_targets)
         if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
         if self.recipe in QUERYING and self.settings.decoys:
@@ -179,7 +189,7 @@ class Perturb(LidarAttack):
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]
-        loss_after, _ = look(detector, moved, goal.loss_targets)
+        loss_after, _ = look(detector, moved, goal.reported_targets)
         changed = np.flatnonzero((points != moved).any(axis=1))
         displacement_m = np.linalg.norm(moved[changed, :3].astype(float) - points[changed, :3], axis=1)
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)

@@ -86,7 +86,7 @@ def attack_query_budget(provenance: Provenance) -> int:
 def attack_constraints(provenance: Provenance) -> Constraints:
     """The constraints among the attack's parameters; none where a user's own mean something else."""
     try:
-        return Constraints.among(provenance.parameters)
+        return Constraints.among({**provenance.parameters, "recipe": provenance.get("recipe")})
     except (AdvpipeError, TypeError, ValueError):
         return Constraints()
 

@@ -17,8 +17,9 @@ BOX = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
 class LinearVoxelDetector:
     """Voxels of 1 m in [0, 10)^3; an object's score is the sum of the weights of its occupied voxels.
 
-    With mean points m_v, the loss is -sum_v weight_v * occupancy_v * (1 + m_v.x / 100) over the voxels whose
-    centre lies in a target box (boxes are not turned here).
+    With mean points m_v, a box scores sum_v weight_v * occupancy_v * (1 + m_v.x / 100) over the voxels whose
+    centre lies in it (boxes are not turned here). The loss is the scores of the anchors, which are background
+    here, if there is no target, and else minus the scores of the targets.
     """
 
     classes = ("car",)
@@ -50,13 +51,15 @@ class LinearVoxelDetector:
         return (worth * inside).sum(dim=1), occupancy, voxel
 
     def loss(self, points, boxes, labels):
-        return -self._scores(points, boxes, torch.zeros(0, 4))[0].sum()
+        return self._loss(points, boxes, torch.zeros(0, 4))[0]
 
     def occupancy_loss(self, points, boxes, labels, probes=None):
-        scores, occupancy, voxel = self._scores(
-            points, boxes, torch.zeros(0, 4) if probes is None else probes
-        )
-        return OccupancyLoss(-scores.sum(), occupancy, voxel)
+        return OccupancyLoss(*self._loss(points, boxes, torch.zeros(0, 4) if probes is None else probes))
+
+    def _loss(self, points, boxes, probes):
+        judged = boxes if len(boxes) else torch.as_tensor(self.anchors, dtype=torch.float32)
+        scores, occupancy, voxel = self._scores(points, judged, probes)
+        return (-scores if len(boxes) else scores).sum(), occupancy, voxel
 
     def detect(self, cloud):
         boxes = torch.as_tensor(self.anchors, dtype=torch.float32)

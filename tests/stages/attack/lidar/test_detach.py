@@ -242,5 +242,5 @@ def test_bad_rounds(rounds):
 
 
 def test_unknown_recipe():
-    with pytest.raises(AdvpipeError, match="best, robust, paper, random"):
+    with pytest.raises(AdvpipeError, match="best, hide, robust, paper, random"):
         Detach(ratio=0.01, recipe="worst")
