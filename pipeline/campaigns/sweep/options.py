@@ -32,8 +32,8 @@ class SweepOptions:
     )
     recipes: tuple[str, ...] = option(
         ("best",),
-        "Recipes of the attacks: best,paper,random-best; best+half and best+twice take other steps; "
-        "best+hide hides, best+ray and best+order keep points on rays and in front, best+detections knows no "
+        "Recipes of the attacks: best,hide,paper,random-best; best+half and best+twice take other steps; "
+        "best+ray and best+order keep points on rays and in front, best+detections knows no "
         "true boxes; paper has λ = 0, paper+weighted λ = 0.01 (the paper gives λ no value).",
     )
     cells: tuple[str, ...] = option((), "Some budgets only: perturb-10,detach-1; repeatable.")
