@@ -28,6 +28,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from advpipe.pipeline.adversary import addition_problem, attack_objective, greedy_allocation, removal_problem
 from advpipe.pipeline.adversary.targets import find_targets
 from advpipe.pipeline.bag.frames import Frame, FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
@@ -45,14 +46,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
-from advpipe.stages.attack.lidar import (
-    attach,
-    attach_problem,
-    attack_objective,
-    detach,
-    detach_problem,
-    greedy_allocation,
-)
+from advpipe.stages.attack.lidar import attach, detach
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
@@ -83,7 +77,7 @@ def constant(module: ModuleType, name: str, value: float) -> Line:
 
 OTHER_RECIPES: Mapping[str, Line] = {
     f"recipe {name}": Line({"recipe": name})
-    for name in ("best", "robust", "paper", "random", "random-near", "random-best")
+    for name in ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
 }
 CLIMBING: Mapping[str, Line] = {
     **OTHER_RECIPES,
@@ -115,15 +109,15 @@ LINES: Mapping[str, Mapping[str, Line]] = {
         **CLIMBING,
         "points in boxes only": constant(detach, "MARGIN_M", 0.0),
         "points within 1 m of boxes": constant(detach, "MARGIN_M", 1.0),
-        "at most half of an object": constant(detach_problem, "MAX_SHARE_PER_OBJECT", 0.5),
+        "at most half of an object": constant(removal_problem, "MAX_SHARE_PER_OBJECT", 0.5),
     },
     "attach": {
         **CLIMBING,
         "places in boxes only": constant(attach, "MARGIN_M", 0.0),
         "places within 1 m of boxes": constant(attach, "MARGIN_M", 1.0),
-        "30 points an object": constant(attach_problem, "MAX_POINTS_PER_OBJECT", 30),
-        "120 points an object": constant(attach_problem, "MAX_POINTS_PER_OBJECT", 120),
-        "200 fresh places a round": constant(attach_problem, "NEW_CANDIDATES", 200),
+        "30 points an object": constant(addition_problem, "MAX_POINTS_PER_OBJECT", 30),
+        "120 points an object": constant(addition_problem, "MAX_POINTS_PER_OBJECT", 120),
+        "200 fresh places a round": constant(addition_problem, "NEW_CANDIDATES", 200),
         "far places as dear as near ones": Line({"decay_m": 100.0}),
         "points along rays": Line({"along_ray": True}),
         "occlusion order kept": Line({"keep_occlusion_order": True}),
