@@ -60,10 +60,7 @@ class AdditionProblem:
         return self.objective.clean_values
 
     def look(self, taken: Int64, *, will_propose: bool) -> Float64:
-        is_there = np.arange(len(self._all)) < len(self.clean)
-        is_there[len(self.clean) + taken] = True
-        shown = self.focus.shown[is_there[self.focus.shown]]
-        points = jittered(self._all[shown], self.jitter_m, self.rng)
+        points, shown = self.seen(taken)
         if not will_propose:
             return self.objective.value(self.objective.detector.detect(cloud_of_xyzi(points)))
         free = np.ones(len(self.places), bool)
@@ -75,6 +72,14 @@ class AdditionProblem:
         self._pool = np.concatenate([np.zeros(0, np.int64), *pools])
         found, self._gain[self._pool] = self.assessed(points, shown)
         return self.objective.value(found)
+
+    def seen(self, taken: Int64) -> tuple[Float32, Int64]:
+        """The points (K, 4) that the detector is shown with these places taken, under the noise; and which of
+        the clean points and places they are."""
+        is_there = np.arange(len(self._all)) < len(self.clean)
+        is_there[len(self.clean) + taken] = True
+        shown = self.focus.shown[is_there[self.focus.shown]]
+        return jittered(self._all[shown], self.jitter_m, self.rng), shown
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         del taken, room

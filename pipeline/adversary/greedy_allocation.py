@@ -7,6 +7,7 @@ level. Then the budget is spent on the levels with the highest total objective.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -56,6 +57,18 @@ class AllocationProblem(Protocol):
         """Which objects (M,) need no more items, by their objective."""
 
 
+class ObjectOptions(Protocol):
+    """What one object may be given, at which cost and objective: first nothing, for its clean objective."""
+
+    values: list[float]
+
+    @property
+    def cost(self) -> list[int]: ...
+
+    def up_to(self, level: int) -> list[int]:
+        """The items of a level."""
+
+
 def queries(rounds: int) -> int:
     """How many candidates the detector evaluates in this many rounds."""
     return rounds + MAX_REVISIONS
@@ -101,7 +114,7 @@ def greedy_allocation(problem: AllocationProblem, budget: int, tries: int) -> tu
         problem.focus.close(problem.is_satisfied(values))
         for object_, value in zip(objects, values, strict=True):
             object_.end_round(value)
-    chosen = _best_together(problem, objects, budget, revisions)
+    chosen = best_together(problem, objects, budget, revisions)
     return chosen, np.setdiff1d(_all_items(objects), chosen, assume_unique=True)
 
 
@@ -143,8 +156,8 @@ def allocate(costs: list[list[int]], all_values: list[list[float]], budget: int)
     return levels[::-1]
 
 
-def _best_together(
-    problem: AllocationProblem, objects: list[ObjectCosts], budget: int, revisions: int
+def best_together(
+    problem: AllocationProblem, objects: Sequence[ObjectOptions], budget: int, revisions: int
 ) -> Int64:
     """The best combination of levels, evaluated together: an object may depend on its neighbours' items."""
     best, most = np.zeros(0, np.int64), -np.inf

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -82,6 +82,13 @@ def places_at(
     kept = np.flatnonzero((distance_m <= eps_m) & rules.permits(points[:, :3]))
     owner = owners(points[kept, :3], boxes, margin_m)
     return Places(points[kept], source[kept], distance_m[kept], owner)
+
+
+def with_drawn_intensities(places: Places, clean: Float32, rng: np.random.Generator) -> Places:
+    """The places with intensities drawn uniformly over those of the clean points (N, 4)."""
+    points, known = places.points.copy(), clean[:, 3]
+    points[:, 3] = rng.uniform(known.min(), known.max(), len(points))
+    return replace(places, points=points)
 
 
 def no_places() -> Places:

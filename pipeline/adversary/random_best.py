@@ -16,7 +16,13 @@ from advpipe.pipeline.adversary.constraints import Constraints, Rules
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.per_object_best import PerObjectBest
-from advpipe.pipeline.adversary.places import Places, ball_places, joined, no_places
+from advpipe.pipeline.adversary.places import (
+    Places,
+    ball_places,
+    joined,
+    no_places,
+    with_drawn_intensities,
+)
 from advpipe.pipeline.adversary.random_search import RandomSearch
 from advpipe.pipeline.adversary.removal_problem import RemovalProblem, remove_greedily
 from advpipe.pipeline.detector.protocol import ObjectDetector
@@ -108,9 +114,7 @@ class RandomBest:
     def _with_intensity(self, places: Places) -> Places:
         if not self.rules.constraints.intensity:
             return places
-        points, known = places.points.copy(), self.points[:, 3]
-        points[:, 3] = self.rng.uniform(known.min(), known.max(), len(points))
-        return replace(places, points=points)
+        return with_drawn_intensities(places, self.points, self.rng)
 
 
 def addition_sources(points: Float32, boxes: Float64, rules: Rules) -> Int64:

@@ -85,9 +85,16 @@ def remove_greedily(problem: RemovalProblem, allowed: Int64, count: int, tries: 
     """`count` of the allowed points, allocated to the objects greedily, and how many of these are random ones
     because no other would help."""
     chosen = np.concatenate(greedy_allocation(problem, count, tries))[:count]
+    return with_random_rest(chosen, allowed, count, problem.rng)
+
+
+def with_random_rest(
+    chosen: Int64, allowed: Int64, count: int, rng: np.random.Generator
+) -> tuple[Int64, int]:
+    """`count` of the allowed points: the chosen ones first, then random others, and how many those are."""
     short = count - len(chosen)
     rest = np.setdiff1d(allowed, chosen, assume_unique=True)
-    return np.concatenate([chosen, problem.rng.choice(rest, size=short, replace=False)]), short
+    return np.concatenate([chosen, rng.choice(rest, size=short, replace=False)]), short
 
 
 def _whole_groups(gain: Float64, group: Int64, count: int, room: int) -> Int64:

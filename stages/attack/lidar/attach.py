@@ -16,7 +16,7 @@ from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
-from advpipe.pipeline.adversary.places import Places, ball_places, joined
+from advpipe.pipeline.adversary.places import Places, ball_places, joined, with_drawn_intensities
 from advpipe.pipeline.adversary.random_best import (
     MARGIN_M,
     PLACES_PER_POINT,
@@ -24,6 +24,7 @@ from advpipe.pipeline.adversary.random_best import (
     RandomBest,
     addition_sources,
 )
+from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import look
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -38,6 +39,7 @@ from advpipe.stages.attack.lidar.attach_problem import AttachProblem
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
+    NO_OCCUPANCY,
     QUERYING,
     WITH_GOAL,
     Budget,
@@ -47,6 +49,7 @@ from advpipe.stages.attack.lidar.base import (
     PublishedFigure,
     unchanged,
 )
+from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -77,18 +80,18 @@ class Attach(LidarAttack):
     eps_m: how far from the clean cloud's points they may lie.
     recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to
         a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
-        for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "hide" is
-        "best" with the goal to hide: no box that overlaps an object loosely is left. "robust" keeps a
-        distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
-        salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
-        around those near objects, "random-best" likewise with the selection of "best": the baseline that
-        reports compare the attack with. New points copy the intensity of the point that
-        they start from.
+        for a detector without `occupancy_loss`, it searches random places by the detections
+        (`subset_search`). "hide" is "best" with the goal to hide: no box that overlaps an object loosely is
+        left. "robust" keeps a distance from the voxels' faces and evaluates under jitter of 1 cm. "paper"
+        shifts copies of the most salient points (`attach_paper`). Random baselines: "random" in balls around
+        any points, "random-near" around those near objects, "random-best" likewise with the selection of
+        "best": the baseline that reports compare the attack with. New points copy the intensity of the point
+        that they start from.
     rounds: how often "best" and "hide" rank the places.
     weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
         lambda and gives no value.
     decay_m: "best", "hide" and "robust" multiply the gain of a point at distance d from the clean ones by
-        exp(-(d / decay_m)**2): a small decay_m gives a small Chamfer distance.
+        exp(-(d / decay_m)**2), or draw so many fewer there: a small decay_m gives a small Chamfer distance.
     along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, intensity: see
         `constraints.Constraints`.
     """
@@ -216,23 +219,39 @@ class Attach(LidarAttack):
             random = RandomBest(clean, goal, detector, rules, self.query_budget, rng)
             return random.added(self.points, self.eps_m), ""
         sources = addition_sources(clean, boxes, rules)
+        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
         if isinstance(detector, VoxelDetector):
             grid, inset_m, note = detector.voxel_grid, INSET_M[self.recipe], ""
             places = voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m)
+            problem = AttachProblem(clean, places, objective, rng, jitter_m, decay_m=self.decay_m)
+            best = add_greedily(problem, self.points, self.query_budget)
         else:
-            note = "no occupancy_loss: places by the gradient of the loss"
+            note = NO_OCCUPANCY
             places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
-        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        problem = AttachProblem(clean, places, objective, rng, jitter_m, decay_m=self.decay_m)
-        best = add_greedily(problem, self.points, self.query_budget)
+            best = self._searched_places(clean, places, objective, jitter_m, rng)
         if short := self.points - len(best):
             note = join_notes(note, "nothing more to gain: the rest added at random")
             near_m = min(self.eps_m, REST_M)
             rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
             best = joined([best, rest])
-        if self.constraints.intensity:
+        if self.constraints.intensity and isinstance(detector, VoxelDetector):
             best = _with_intensity(clean, best, goal, objective, detector)
         return best, note
+
+    def _searched_places(
+        self,
+        clean: Float32,
+        places: Places,
+        objective: AttackObjective,
+        jitter_m: float,
+        rng: np.random.Generator,
+    ) -> Places:
+        """Those of random places that a search by scores finds; far ones are fewer, as `decay_m` says."""
+        places = places[rng.random(len(places)) < np.exp(-((places.distance_m / self.decay_m) ** 2))]
+        if self.constraints.intensity:
+            places = with_drawn_intensities(places, clean, rng)
+        problem = LossAdditionProblem(clean, places, objective, rng, jitter_m)
+        return places[SubsetSearch(problem, rng).allocation(self.points, self.query_budget)]
 
     def _random_places(
         self,

@@ -33,11 +33,10 @@ class AttachProblem(AdditionProblem):
         return super().propose(taken, wanted, room)
 
     def assessed(self, points: Float32, shown: Int64) -> tuple[Detections, Float64]:
-        detector, found = self.objective.detector, None
-        if isinstance(detector, VoxelDetector):
-            found, gain = self._occupancy_gains(detector, points)
-        else:
-            gain = self._copy_gains(torch.from_numpy(points), shown)
+        detector = self.objective.detector
+        if not isinstance(detector, VoxelDetector):
+            return super().assessed(points, shown)
+        found, gain = self._occupancy_gains(detector, points)
         if found is None:
             found = detector.detect(cloud_of_xyzi(points))
         return found, gain * np.exp(-((self.places.distance_m[self._pool] / self.decay_m) ** 2))
@@ -51,15 +50,3 @@ class AttachProblem(AdditionProblem):
         of_row = np.nan_to_num(goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         mine = computed.rows.cpu().numpy()[len(points) :]
         return computed.found, np.where(mine >= 0, of_row[mine], 0.0)
-
-    def _copy_gains(self, points: torch.Tensor, shown: Int64) -> Float64:
-        """First-order gain by the loss alone: a copy of the place's clean point, moved to the place."""
-        goal, leaf = self.objective.goal, points.requires_grad_()
-        loss = self.objective.detector.loss(leaf, goal.loss_targets.boxes, goal.loss_targets.labels)
-        (gradient,) = gradients_of(loss, leaf)
-        slope = np.zeros((len(self._all), 3))
-        slope[shown] = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        source = self.places.source[self._pool]
-        way_m = self.places.points[self._pool, :3].astype(np.float64) - self.clean[source, :3]
-        gain: Float64 = goal.sign * (slope[source] * way_m).sum(axis=1)
-        return gain

@@ -23,6 +23,9 @@ from advpipe.stages.attack.base import Attack, Traits
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 """The note on a frame where the loss has no gradient."""
 
+NO_OCCUPANCY = "no occupancy_loss: searched by the detections, and the gradient of the loss where it has one"
+"""The note on a frame that recipes attack by its detections."""
+
 QUERYING = ("best", "hide", "robust", "random-best")
 """The recipes that query the detector, and keep the best candidate."""
 

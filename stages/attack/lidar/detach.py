@@ -14,7 +14,8 @@ from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.random_best import MARGIN_M, RandomBest
-from advpipe.pipeline.adversary.removal_problem import remove_greedily
+from advpipe.pipeline.adversary.removal_problem import remove_greedily, with_random_rest
+from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import AttackTargets, look
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
@@ -27,6 +28,7 @@ from advpipe.stages.attack.bounds import checked_choice, checked_integer
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
+    NO_OCCUPANCY,
     QUERYING,
     WITH_GOAL,
     Budget,
@@ -37,6 +39,7 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
+from advpipe.stages.attack.lidar.loss_problems import LossRemovalProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 
 RECIPES = ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
@@ -55,8 +58,9 @@ class Detach(LidarAttack):
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
     recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
-        budget on the objects that are lost with the fewest points; "hide" is "best" with the goal to hide: no
-        box that overlaps an object loosely is left; "robust" does as "best" under jitter of 1 cm,
+        budget on the objects that are lost with the fewest points; for a detector without `occupancy_loss`,
+        it searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide:
+        no box that overlaps an object loosely is left; "robust" does as "best" under jitter of 1 cm,
         without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
         the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
         near objects, "random-best" there with the selection of "best": the baseline that
@@ -181,13 +185,14 @@ class Detach(LidarAttack):
         owner = np.full(len(scene), -1, np.int64)
         owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        problem = DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
-        chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
-        is_plain = not isinstance(detector, VoxelDetector)
-        return chosen, join_notes(
-            "nothing more to gain: the rest removed at random" if short else "",
-            "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
-        )
+        if isinstance(detector, VoxelDetector):
+            note, problem = "", DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
+            chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
+        else:
+            note, plain = NO_OCCUPANCY, LossRemovalProblem(xyzi(scene), owner, objective, rng, jitter_m)
+            found = SubsetSearch(plain, rng).allocation(budget, self.query_budget)
+            chosen, short = with_random_rest(found, allowed, budget, rng)
+        return chosen, join_notes("nothing more to gain: the rest removed at random" if short else "", note)
 
     def _greedily(
         self,

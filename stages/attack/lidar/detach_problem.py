@@ -33,12 +33,9 @@ class DetachProblem(RemovalProblem):
     def detected(self, points: Float32, left: Int64, will_propose: bool) -> Detections:
         """What the detector finds; and the gains, of all points of a voxel together."""
         goal, detector = self.objective.goal, self.objective.detector
-        if not will_propose:
+        if not (will_propose and isinstance(detector, VoxelDetector)):
             return super().detected(points, left, will_propose)
         self._gain[:] = 0
-        if not isinstance(detector, VoxelDetector):
-            self._gain[left] = self._gains_of_points(torch.from_numpy(points), self.owner[left])
-            return super().detected(points, left, will_propose)
         targets = goal.loss_targets
         computed = detector.occupancy_loss(torch.from_numpy(points), targets.boxes, targets.labels)
         (gradient,) = gradients_of(computed.loss, computed.occupancy)
@@ -48,15 +45,3 @@ class DetachProblem(RemovalProblem):
         self._gain[left] = np.where(row >= 0, (of_voxel / np.maximum(count, 1))[row], 0.0)
         self._group[left] = np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))
         return super().detected(points, left, will_propose) if computed.found is None else computed.found
-
-    def _gains_of_points(self, points: torch.Tensor, owner: Int64) -> Float64:
-        """First-order gain by the loss alone: dropping a point is like moving it to its object's centre,
-        where it carries no information (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
-        goal, detector = self.objective.goal, self.objective.detector
-        leaf, loss_targets = points.requires_grad_(), goal.loss_targets
-        loss = detector.loss(leaf, loss_targets.boxes, loss_targets.labels)
-        (gradient,) = gradients_of(loss, leaf)
-        slope = np.nan_to_num(gradient[:, :3].double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        inwards = goal.targets.boxes.double().numpy()[owner, :3] - leaf.detach().double().numpy()[:, :3]
-        gain: Float64 = goal.sign * (slope * inwards).sum(axis=1)
-        return gain

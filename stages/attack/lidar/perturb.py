@@ -26,6 +26,7 @@ from advpipe.stages.attack.bounds import checked_choice, checked_integer, checke
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
+    NO_OCCUPANCY,
     QUERYING,
     WITH_GOAL,
     Budget,
@@ -37,14 +38,13 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
 from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
+from advpipe.stages.attack.lidar.score_search import ScoreSearch
 from advpipe.stages.attack.lidar.search import Search
 
 Float32 = npt.NDArray[np.float32]
 
 MAX_EPS_CM = 500.0
 
-NO_OCCUPANCY = "recipe {} needs a detector with occupancy_loss; used PGD with the best iterate"
-INTENSITY_STAYS = "which leaves intensities alone"
 NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
 RECIPES = {
@@ -74,14 +74,14 @@ class Perturb(LidarAttack):
 
     eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
-        candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it is PGD near
-        objects with the best iterate. "hide" is "best" with the goal to hide, no box that overlaps an object
-        loosely is left, and twice the steps. "robust" lands 2 cm past the faces (eps / 2 at most) and expects
-        1 cm of jitter; it is far weaker without jitter, and not significantly stronger than "random-best"
-        under it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random ones:
-        "random" moves all points by eps in a random direction, "random-near" those near objects, and
-        "random-best" draws `steps` candidates there, with the selection of "best": the baseline that
-        reports compare the attack with.
+        candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it searches
+        deformations by the detections (`score_search`). "hide" is "best" with the goal to hide, no box that
+        overlaps an object loosely is left, and twice the steps. "robust" lands 2 cm past the faces (eps / 2
+        at most) and expects 1 cm of jitter; it is far weaker without jitter, and not significantly stronger
+        than "random-best" under it. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all
+        points. Random baselines: "random" moves all points by eps in a random direction, "random-near" those
+        near objects, and "random-best" draws `steps` candidates there, with the selection of "best": the
+        baseline that reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
     weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
         lambda and gives no value. At 0 points move by 8.7 cm (RMS, of 10 cm allowed), with the Chamfer
@@ -222,14 +222,14 @@ class Perturb(LidarAttack):
             owners(points[:, :3], goal.regions, self.settings.margin_m),
             Focus(points, goal.regions),
         )
-        note, jitter_m = "", 0.0
+        note, jitter_m = "", self.settings.jitter_m
         search: Search
         if isinstance(detector, VoxelDetector):
-            settings, jitter_m = self.settings, self.settings.jitter_m
+            settings = self.settings
             search = CrossingSearch(points, goal, detector, rules, owner, focus, self.eps_m, settings, rng)
         else:
-            search = ProjectedGradientDescent(points, goal, detector, rules, owner >= 0, self.eps_m, rng)
-            note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
+            search = ScoreSearch(points, goal, detector, rules, owner, focus, self.eps_m, rng)
+            note = NO_OCCUPANCY
         best = None
         if self.settings.keep_best:
             best = PerObjectBest(goal, detector, points, found, owner, focus, jitter_m, rng)

@@ -219,7 +219,7 @@ def test_no_gradient_is_said(hand_worked, recipe):
     assert "no gradient" in result.note
 
 
-def test_detector_without_occupancies_is_attacked_by_its_loss(make_cloud, make_boxes, make_detector):
+def test_detector_without_occupancies_is_searched_and_it_is_said(make_cloud, make_boxes, make_detector):
     cloud, boxes, detector = scene_of(make_cloud, make_boxes, make_detector)
 
     class Plain:

@@ -205,7 +205,7 @@ class Plain:
         self.detect, self.loss = detector.detect, detector.loss
 
 
-def test_detector_without_occupancies_is_attacked_by_its_loss(make_cloud, make_boxes, make_detector):
+def test_detector_without_occupancies_is_searched_and_it_is_said(make_cloud, make_boxes, make_detector):
     cloud, boxes, detector = random_scene(make_cloud, make_boxes, make_detector)
     result = Detach(ratio=0.02)(cloud, boxes, Plain(detector), rng())
     chance = Detach(ratio=0.02, recipe="random-near")(cloud, boxes, Plain(detector), rng())

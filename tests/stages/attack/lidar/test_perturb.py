@@ -131,7 +131,7 @@ def test_random_start_fills_the_ball(scene, make_cloud):
     assert (far_m < 0.0999).mean() == pytest.approx(math.pi / 6, abs=0.02)
 
 
-def test_detector_without_occupancies_gets_pgd_and_says_so(scene):
+def test_detector_without_occupancies_is_searched_and_it_is_said(scene):
     attack = Perturb(eps_cm=40, steps=3)
     result = attack(scene[0], scene[1], plain(scene[2]), rng())
     assert "occupancy_loss" in result.note
