@@ -15,9 +15,7 @@ from cyclonedds.domain import Domain, DomainParticipant
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.text import one_line
-
-MOST_DOMAIN_ID = 232
-"""Beyond it, the ports of a domain would be above 65535."""
+from advpipe.pipeline.live import MOST_DOMAIN_ID
 
 LOOPBACK = "lo"
 

@@ -35,17 +35,6 @@ _LONGEST_BOUND = 65535
 """Of a DDS sequence in Cyclone's Python; a longer one is declared without a bound, which has the same CDR."""
 
 
-class CdrSample(IdlStruct):
-    """A message that is serialised already: its CDR with the header of four bytes."""
-
-    def __init__(self, cdr: bytes) -> None:
-        self.cdr = cdr
-
-    def serialize(self, buffer: Any = None, endianness: Any = None, use_version_2: Any = None) -> bytes:
-        """The bytes themselves."""
-        return self.cdr
-
-
 def dds_type_name(ros_type: str) -> str:
     """The name under which ROS 2 announces a type on DDS.
 
@@ -57,32 +46,38 @@ def dds_type_name(ros_type: str) -> str:
 
 
 class DdsType:
-    """A ROS 2 type as a subclass of `CdrSample`, which Cyclone checks messages against, and its hash.
+    """A ROS 2 type, which Cyclone checks messages against and subscribers compare with theirs.
 
-    hash: RIHS01 (REP-2011), by which ROS 2 from Iron on compares definitions. Raises UnpublishableTypeError
-    for a definition that is damaged, or has fields that Cyclone's Python does not know (wstring, float128).
+    struct: without a base class of its own, since subscribers would see that in the type. hash: RIHS01
+    (REP-2011), by which ROS 2 from Iron on compares definitions. Raises UnpublishableTypeError for a
+    definition that is damaged, or has fields that Cyclone's Python does not know (wstring, float128).
     """
 
     def __init__(self, published: PublishedTopic) -> None:
         self._topic = published.topic
-        self._built: dict[str, type[CdrSample]] = {}
-        self._store = Typestore()
+        self._built: dict[str, type[IdlStruct]] = {}
+        name, store = published.topic.type, Typestore()
         try:
-            self._store.register(
-                types_from(published.schema, published.schema_encoding, published.topic.type)
-            )
-            self.hash = str(self._store.hash_rihs01(published.topic.type))
-            self.sample = self._struct(published.topic.type)
+            self._types = types_from(published.schema, published.schema_encoding, name)
+            self.struct = self._struct(name)
+            store.register(self._types)
+            self.hash = str(store.hash_rihs01(name))
         except UnpublishableTypeError:
             raise
         except Exception as error:  # rosbags and Cyclone fail in any way on a bag's definition
             raise self._refusal(f"its definition cannot be used: {one_line(error)[:200]}") from None
 
-    def _struct(self, name: str) -> type[CdrSample]:
+    def sample(self, cdr: bytes) -> Any:
+        """A message that is serialised already: its CDR with the header of four bytes."""
+        made: Any = object.__new__(self.struct)
+        made.serialize = lambda **options: cdr
+        return made
+
+    def _struct(self, name: str) -> type[IdlStruct]:
         if name not in self._built:
-            fields = {field: self._field(kind, field) for field, kind in self._store.fielddefs[name][1]}
+            fields = {field: self._field(kind, field) for field, kind in self._types[name][1]}
             self._built[name] = make_idl_struct(
-                name.rpartition("/")[2], dds_type_name(name), fields, dataclassify=False, bases=(CdrSample,)
+                name.rpartition("/")[2], dds_type_name(name), fields, dataclassify=False
             )
         return self._built[name]
 

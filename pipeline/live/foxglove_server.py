@@ -11,14 +11,12 @@ import foxglove
 from foxglove.websocket import Capability
 
 from advpipe.pipeline.core.errors import UsageError, one_line
+from advpipe.pipeline.live import FOXGLOVE_PORT
 from advpipe.pipeline.live.offered_qos import offered_qos
 from advpipe.pipeline.live.publisher import PublishedTopic
 from advpipe.pipeline.messages.topics import CLOCK
 
 HOST = "127.0.0.1"
-PORT = 8765
-"""The port where Foxglove looks for a server."""
-
 BACKLOG = 64
 """Messages that are kept for a viewer that is too slow; beyond it, it misses the oldest."""
 
@@ -30,7 +28,7 @@ class FoxgloveServer:
     it slows nobody. Raises UsageError for a port that is taken.
     """
 
-    def __init__(self, port: int = PORT) -> None:
+    def __init__(self, port: int = FOXGLOVE_PORT) -> None:
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
         self._kept: dict[str, deque[tuple[bytes, int]]] = {}

@@ -23,8 +23,8 @@ _UNLIMITED_S = 9_223_372_036
 class OfferedQos:
     """What a publisher offers; durations in nanoseconds, None without an end.
 
-    depth: messages that are kept for slow subscribers. is_latched: late subscribers receive these. liveliness:
-    AUTOMATIC or a manual one, with its lease.
+    depth: messages that are kept for slow subscribers. is_latched: late subscribers receive these.
+    liveliness: how publishers show that they are alive, with the lease.
     """
 
     depth: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ from rosbags.interfaces import QosLiveliness
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.live.dds_domain import DdsDomain
-from advpipe.pipeline.live.dds_types import CdrSample, DdsType
+from advpipe.pipeline.live.dds_types import DdsType
 from advpipe.pipeline.live.offered_qos import OfferedQos, offered_qos
 from advpipe.pipeline.live.publisher import PublishedTopic
 from advpipe.pipeline.mcap.channel import Topic
@@ -29,7 +30,7 @@ _FLUSH_S = 2.0
 @dataclass(frozen=True)
 class _Writer:
     topic: Topic
-    sample: type[CdrSample]
+    kind: DdsType
     writer: Any
     is_reliable: bool
 
@@ -38,8 +39,9 @@ class Ros2Publisher:
     """Publishes topics with the names, types, QoS and type hashes under which ROS 2 nodes expect them.
 
     domain_id: ROS_DOMAIN_ID of the nodes. interface: of the network; None for the one that ROS 2 would take.
-    A reliable subscriber that does not keep up makes `publish` wait for up to `BLOCK_S` and then drop the
-    message; what is kept for it is bounded by the QoS and by Cyclone's watermark.
+    A reliable subscriber that does not keep up misses messages that are older than the topic's history, as
+    with every publisher that keeps the last ones; where Cyclone's own buffers are full, `publish` waits for
+    up to `BLOCK_S` and then drops the message.
     """
 
     def __init__(self, domain_id: int = 0, interface: str | None = None) -> None:
@@ -50,15 +52,15 @@ class Ros2Publisher:
         """See `Publisher`."""
         topic, participant = published.topic, self._domain.participant
         kind, offered = DdsType(published), offered_qos(topic)
-        dds_topic = DdsTopic(participant, dds_topic_name(topic), kind.sample)
+        dds_topic = DdsTopic(participant, dds_topic_name(topic), kind.struct)
         writer = DataWriter(participant, dds_topic, qos=writer_qos(offered, kind.hash))
-        self._writers[topic.name] = _Writer(topic, kind.sample, writer, offered.is_reliable)
+        self._writers[topic.name] = _Writer(topic, kind, writer, offered.is_reliable)
 
     def publish(self, topic_name: str, cdr: bytes, time_ns: int) -> bool:
         """See `Publisher`; subscribers see the present as the time of sending, as from `ros2 bag play`."""
         one = self._writers[topic_name]
         try:
-            one.writer.write(one.sample(cdr))
+            one.writer.write(one.kind.sample(cdr))
         except DDSException as error:
             if error.code == DDSException.DDS_RETCODE_TIMEOUT:
                 return False
@@ -76,7 +78,9 @@ class Ros2Publisher:
         end_s = time.monotonic() + _FLUSH_S
         for one in self._writers.values():
             if one.is_reliable:
-                one.writer.wait_for_acks(duration(seconds=max(end_s - time.monotonic(), 0.001)))
+                # At the end of this time, Cyclone 11's Python raises AttributeError for want of a constant.
+                with suppress(AttributeError):
+                    one.writer.wait_for_acks(duration(seconds=max(end_s - time.monotonic(), 0.001)))
         self._writers.clear()
         self._domain.close()
 
@@ -96,6 +100,7 @@ def writer_qos(offered: OfferedQos, type_hash: str) -> Qos:
         if offered.is_reliable
         else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if offered.is_latched else Policy.Durability.Volatile,
+        Policy.WriterDataLifecycle(autodispose=False),  # as ROS 2: what was sent stays valid
         Policy.DataRepresentation(use_cdrv0_representation=True),
         Policy.Userdata(f"typehash={type_hash};".encode()),
     ]

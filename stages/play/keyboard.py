@@ -7,6 +7,7 @@ import select
 import sys
 import time
 from types import TracebackType
+from typing import Any
 
 PAUSE, QUIT = " ", "q"
 
@@ -19,7 +20,7 @@ class Keyboard:
 
     def __init__(self) -> None:
         self._file: int | None = None
-        self._before: list[object] = []
+        self._before: list[Any] = []
 
     def __enter__(self) -> Keyboard:
         if _is_ours():

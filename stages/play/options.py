@@ -8,7 +8,8 @@ from fnmatch import fnmatchcase
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.option_names import option_name
-from advpipe.pipeline.core.options import check_bounds, option
+from advpipe.pipeline.core.options import option
+from advpipe.pipeline.live import FOXGLOVE_PORT, MOST_DOMAIN_ID
 
 FASTEST, MOST_CLOCK_HZ, LONGEST_DELAY_S = 100.0, 1000.0, 3600.0
 
@@ -24,18 +25,17 @@ class PlayOptions:
     start_s: float = option(0.0, "Seconds of the recording to skip; latched topics come all the same.")
     topics: tuple[str, ...] = option(
         (),
-        "Only topics of this name or pattern, such as '/ego/*'; repeat it for several. /clock comes along.",
+        "Only topics of this name or pattern, such as '/ego/*'; may be repeated. /clock comes along.",
     )
     clock_hz: float | None = option(
         None, "Publish /clock so often a recorded second instead of the recorded one; 0 for none."
     )
     delay_s: float = option(1.0, "Seconds before the first message, in which subscribers find the topics.")
-    domain: int | None = option(None, "DDS domain of the ROS 2 nodes.", least=0)
+    domain: int | None = option(None, "DDS domain of the ROS 2 nodes.")
     interface: str | None = option(None, "Network interface for ROS 2, such as lo for this machine alone.")
-    port: int = option(8765, "Port for Foxglove on this machine; 0 for any free one.", least=0)
+    port: int = option(FOXGLOVE_PORT, "Port for Foxglove on this machine; 0 for any free one.")
 
     def __post_init__(self) -> None:
-        check_bounds(self)
         if not (self.ros2 or self.foxglove):
             ros2, foxglove = option_name("ros2", True), option_name("foxglove", True)
             raise UsageError(f"nobody would see the bag; give {ros2}, {foxglove} or both")
@@ -43,8 +43,8 @@ class PlayOptions:
         _check("start_s", self.start_s, 0.0, math.inf)
         _check("delay_s", self.delay_s, 0.0, LONGEST_DELAY_S)
         _check("clock_hz", self.clock_hz or 0.0, 0.0, MOST_CLOCK_HZ)
-        if self.port > 65535:
-            raise UsageError(f"{option_name('port')} is {self.port}, but must be 65535 or less")
+        _check("port", self.port, 0, 65535)
+        _check("domain", self.domain or 0, 0, MOST_DOMAIN_ID)
 
     def chooses(self, topic_name: str) -> bool:
         """Whether a topic is among those to play; /clock is decided apart."""

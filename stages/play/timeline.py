@@ -62,7 +62,7 @@ class Timeline:
             self._clock_hz = 0.0
 
     def latched_before(self) -> Iterator[RawMessage]:
-        """What subscribers of latched topics would have at the beginning, had they followed from the start."""
+        """What subscribers of latched topics have at the beginning if they followed from the start."""
         depths = {
             one.topic.name: offered_qos(one.topic).depth
             for one in self.published
