@@ -1,5 +1,9 @@
 """Publish a bag's messages to running programs: ROS 2 nodes by DDS, Foxglove by its WebSocket."""
 
+ROS2, FOXGLOVE = "ros2", "foxglove"
+PUBLISHERS = (ROS2, FOXGLOVE)
+"""The names of the publishers."""
+
 MOST_DOMAIN_ID = 232
 """Of DDS: beyond it, ports would be above 65535."""
 

@@ -12,7 +12,9 @@ from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.signals import deferred
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.core.verbosity import detail, notice
+from advpipe.pipeline.live import FOXGLOVE, ROS2
 from advpipe.pipeline.live.publisher import Publisher, UnpublishableTypeError
+from advpipe.pipeline.live.registry import open_publisher
 from advpipe.stages.play.keyboard import Keyboard
 from advpipe.stages.play.options import PlayOptions
 from advpipe.stages.play.player import Player
@@ -71,18 +73,10 @@ def _play_loops(player: Player, timeline: Timeline, options: PlayOptions) -> int
 
 
 def _publishers(options: PlayOptions) -> Iterator[tuple[str, Publisher]]:
-    """Where each publishes, and itself; a library is loaded for the one that needs it."""
-    if options.ros2:
-        from advpipe.pipeline.live.dds_domain import domain_id_of_environment
-        from advpipe.pipeline.live.ros2 import Ros2Publisher
-
-        domain = domain_id_of_environment() if options.domain is None else options.domain
-        yield f"ROS 2 domain {domain}", Ros2Publisher(domain, options.interface)
-    if options.foxglove:
-        from advpipe.pipeline.live.foxglove_server import FoxgloveServer
-
-        server = FoxgloveServer(options.port)
-        yield server.url, server
+    """Where each publishes, and itself."""
+    for name, is_wanted in ((ROS2, options.ros2), (FOXGLOVE, options.foxglove)):
+        if is_wanted:
+            yield open_publisher(name, domain=options.domain, interface=options.interface, port=options.port)
 
 
 def _advertise(timeline: Timeline, publishers: Sequence[Publisher]) -> None:
