@@ -15,8 +15,8 @@ MOST_KEPT = 1000
 """The deepest history that is kept for slow subscribers, which bounds memory."""
 
 _DEFAULT_DEPTH = 10
-_UNLIMITED_S = 9_223_372_036
-"""As ROS 2 writes a duration without an end: 2^63 - 1 nanoseconds."""
+_UNLIMITED_NS = 2**63 - 1
+"""As ROS 2 writes a duration without an end."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def _depth(profile: Qos) -> int:
 def _duration_ns(time: QosTime) -> int | None:
     """ROS 2 writes an unlimited duration as the longest one, or as zero for "not set"."""
     duration_ns = time.sec * 10**9 + time.nsec
-    return None if duration_ns == 0 or time.sec >= _UNLIMITED_S else duration_ns
+    return None if duration_ns == 0 or duration_ns >= _UNLIMITED_NS else duration_ns
 
 
 def _shortest(times: Iterable[QosTime]) -> int | None:

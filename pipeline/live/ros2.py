@@ -18,7 +18,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.live.dds_domain import DdsDomain
 from advpipe.pipeline.live.dds_types import DdsType
 from advpipe.pipeline.live.offered_qos import OfferedQos, offered_qos
-from advpipe.pipeline.live.publisher import PublishedTopic
+from advpipe.pipeline.live.publisher import PublishedTopic, UnpublishableTypeError
 from advpipe.pipeline.mcap.channel import Topic
 
 BLOCK_S = 0.02
@@ -52,8 +52,14 @@ class Ros2Publisher:
         """See `Publisher`."""
         topic, participant = published.topic, self._domain.participant
         kind, offered = DdsType(published), offered_qos(topic)
-        dds_topic = DdsTopic(participant, dds_topic_name(topic), kind.struct)
-        writer = DataWriter(participant, dds_topic, qos=writer_qos(offered, kind.hash))
+        try:
+            dds_topic = DdsTopic(participant, dds_topic_name(topic), kind.struct)
+            writer = DataWriter(participant, dds_topic, qos=writer_qos(offered, kind.hash))
+        except DDSException as error:
+            raise UnpublishableTypeError(
+                f"{topic.name} cannot be published to ROS 2: DDS refuses its name, its type or its QoS "
+                f"({error.msg or error})"
+            ) from None
         self._writers[topic.name] = _Writer(topic, kind, writer, offered.is_reliable)
 
     def publish(self, topic_name: str, cdr: bytes, time_ns: int) -> bool:

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Collection, Iterator
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.live.offered_qos import offered_qos
@@ -19,6 +19,9 @@ from advpipe.stages.play.options import PlayOptions
 
 CLOCK_HZ = 40.0
 """How often /clock is published where the bag has none; the rate of `ros2 bag play --clock`."""
+
+
+_END_OF_TIME_NS = 2**31 * 10**9
 
 
 class Timeline:
@@ -100,6 +103,11 @@ class Timeline:
 
 
 def clock_message(time_ns: int) -> RawMessage:
-    """A message of /clock."""
+    """A message of /clock. Raises AdvpipeError for a time beyond ROS 2's."""
+    if time_ns >= _END_OF_TIME_NS:
+        raise AdvpipeError(
+            f"/clock cannot show {time_ns} ns, since ROS 2's time ends in 2038; leave it out with "
+            f"{option_name('clock_hz', 0)}"
+        )
     cdr = serialise(build.clock(time_ns), CLOCK.type)
     return RawMessage(CLOCK, schema_text(CLOCK.type), cdr, time_ns, time_ns, 0)

@@ -52,5 +52,6 @@ def test_unlimited_and_unset_durations() -> None:
     assert offer(short).lifespan_ns == 5
     assert offer(short, TEN).lifespan_ns is None
     assert offer(TEN._replace(deadline=QosTime(0, 0), lifespan=QosTime(0, 0))) == offer(TEN)
+    assert offer(TEN._replace(deadline=QosTime(2**62, 2**62))) == offer(TEN)  # more than DDS can state
     unknown = TEN._replace(liveliness=QosLiveliness.UNKNOWN, reliability=QosReliability.SYSTEM_DEFAULT)
     assert offer(unknown) == offer(TEN)

@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.dataset.sample import shipped_sample
-from advpipe.pipeline.live.publisher import PublishedTopic
+from advpipe.pipeline.live.publisher import PublishedTopic, UnpublishableTypeError
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.pipeline.messages.types import schema_text, type_hash
@@ -113,6 +113,15 @@ def test_bytes_that_are_not_of_the_type(domain: int) -> None:
     publisher.advertise(PublishedTopic(string, schema_text(string.type)))
     with pytest.raises(AdvpipeError, match=r"^a message of /words at 7 ns is not a valid std_msgs"):
         publisher.publish("/words", b"\0\1\0\0\xff\xff\0\0abc\0", 7)
+    publisher.close()
+
+
+@pytest.mark.oracle
+def test_a_name_that_dds_refuses(domain: int) -> None:
+    publisher = Ros2Publisher(domain, "lo")
+    topic = Topic("/two words", "std_msgs/msg/String")
+    with pytest.raises(UnpublishableTypeError, match="^/two words cannot be published to ROS 2: DDS refuses"):
+        publisher.advertise(PublishedTopic(topic, schema_text(topic.type)))
     publisher.close()
 
 

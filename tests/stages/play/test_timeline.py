@@ -6,14 +6,14 @@ import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.mcap.qos import keep_last
 from advpipe.pipeline.messages.build import clock, string
 from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.pipeline.messages.types import message_class
 from advpipe.stages.play.options import PlayOptions
-from advpipe.stages.play.timeline import Timeline
+from advpipe.stages.play.timeline import Timeline, clock_message
 
 BEGIN_NS = 1_000_000_000_000
 WORDS = Topic("/words", "std_msgs/msg/String")
@@ -88,6 +88,11 @@ def test_a_clock_of_its_own(tmp_path: Path, options: dict[str, object], hz: int)
     last = BagReader(bag).decode(ticks[-1])
     assert last == message_class(CLOCK.type)(clock=last.clock)
     assert last.clock.sec * 10**9 + last.clock.nanosec == ticks[-1].log_time_ns
+
+
+def test_a_clock_beyond_the_time_of_ros_2() -> None:
+    with pytest.raises(AdvpipeError, match="ROS 2's time ends in 2038; leave it out with clock_hz=0"):
+        clock_message(2**31 * 10**9)
 
 
 def test_a_topic_is_left_out(bag: Path) -> None:
