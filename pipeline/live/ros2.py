@@ -57,9 +57,8 @@ class Ros2Publisher:
             writer = DataWriter(participant, dds_topic, qos=writer_qos(offered, kind.hash))
         except DDSException as error:
             raise UnpublishableTypeError(
-                f"{topic.name} cannot be published to ROS 2: DDS refuses its name, its type or its QoS "
-                f"({error.msg or error})"
-            ) from None
+                f"{topic.name} cannot be published to ROS 2: DDS refuses its name, its type or its QoS"
+            ) from error
         self._writers[topic.name] = _Writer(topic, kind, writer, offered.is_reliable)
 
     def publish(self, topic_name: str, cdr: bytes, time_ns: int) -> bool:
