@@ -17,8 +17,9 @@ from advpipe.pipeline.live.publisher import PublishedTopic
 from advpipe.pipeline.messages.topics import CLOCK
 
 HOST = "127.0.0.1"
-BACKLOG = 64
-"""Messages that are kept for a viewer that is too slow; beyond it, it misses the oldest."""
+BACKLOG = 256
+"""Messages that are kept for a viewer that is too slow; beyond it, it misses the oldest. A step of a drive
+with many radios has some hundred, which come at once."""
 
 
 class FoxgloveServer:
