@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from advpipe.commands.attack import attack as attack
     from advpipe.commands.evaluate import evaluate as evaluate
     from advpipe.commands.import_drive import import_drive as import_drive
+    from advpipe.commands.play import play as play
     from advpipe.commands.simulate import simulate as simulate
     from advpipe.commands.sweep import sweep as sweep
     from advpipe.commands.train import train as train
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.v2x.falsification import OwnMessage as OwnMessage
     from advpipe.stages.attack.v2x.falsification import PositionFalsification as PositionFalsification
     from advpipe.stages.evaluate.report.report import Report as Report
+    from advpipe.stages.play.summary import PlaySummary as PlaySummary
     from advpipe.stages.simulate.bodies import Variant as Variant
     from advpipe.stages.simulate.network.protocol import Network as Network
     from advpipe.stages.simulate.network.protocol import NetworkStep as NetworkStep
@@ -124,6 +126,7 @@ _NAMES_OF = {
     "commands.attack": ("attack",),
     "commands.evaluate": ("evaluate",),
     "commands.import_drive": ("import_drive",),
+    "commands.play": ("play",),
     "commands.simulate": ("simulate",),
     "commands.sweep": ("sweep",),
     "commands.train": ("train",),
@@ -176,6 +179,7 @@ _NAMES_OF = {
     "stages.attack.v2x.cams": ("field_of", "with_fields"),
     "stages.attack.v2x.falsification": ("Falsification", "OwnMessage", "PositionFalsification"),
     "stages.evaluate.report.report": ("Report",),
+    "stages.play.summary": ("PlaySummary",),
     "stages.simulate.network.protocol": ("Network", "NetworkStep"),
     "stages.simulate.bodies": ("Variant",),
     "stages.simulate.road_network.network": ("RoadNetwork",),

@@ -26,7 +26,7 @@ LAYERS = (
     {"messages"},
     {"sensors"},
     {"scenario"},
-    {"bag", "baselines", "birds_eye", "labels", "results", "viewer"},
+    {"bag", "baselines", "birds_eye", "labels", "live", "results", "viewer"},
     {"image_labels", "replay", "dataset", "detector", "viewer_layouts"},
     {"adversary", "defences"},
 )

@@ -24,13 +24,15 @@ def simulate(
     *,
     settings: Mapping[str, object] | Sequence[str] = (),
     out: PathLike | None = None,
+    live: str | None = None,
     overwrite: bool = False,
 ) -> SimulationSummary:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS, V2X) to an MCAP bag.
 
     scenario: a shipped name, a scenario file, or what `load_scenario` gave. settings: keys of the scenario to
     override, as a mapping from `section.key` to a value or as texts `section.key=value`; not with a scenario
-    that is loaded already. out: the data set's folder, `datasets/<name>` by default. overwrite: replaces one
+    that is loaded already. out: the data set's folder, `datasets/<name>` by default. live: also publishes
+    the drive while it is recorded, at most in real time: `ros2` or `foxglove`. overwrite: replaces a folder
     that exists.
 
     Returns what was recorded; as a path it stands for the clean bag. Raises UsageError for a scenario or a
@@ -56,7 +58,7 @@ def simulate(
         from advpipe.pipeline.bag.reader import BagReader
         from advpipe.stages.simulate.run import simulate as run
 
-    recorded = run(loaded, folder, overwrite=overwrite)
+    recorded = run(loaded, folder, overwrite=overwrite, live=live)
     notice_default_lidar(BagReader(recorded.bag))
     return recorded
 

@@ -19,6 +19,7 @@ from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.figures import figures_command
 from advpipe.pipeline.cli.import_ import import_command
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
+from advpipe.pipeline.cli.play import play_command
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema_command
 from advpipe.pipeline.cli.share import share_command
@@ -59,6 +60,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "inspect": inspect,
     "plot": plot,
     "view": view_command,
+    "play": play_command,
     "recover": recover_command,
     "clean": clean,
     "verify": verify_command,

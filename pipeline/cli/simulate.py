@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.completion import scenario_names
+from advpipe.pipeline.cli.completion import scenario_names, words_of
 from advpipe.pipeline.cli.shared import Answer, Overwrite, print_line, typed
 from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.live import PUBLISHERS
 
 if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
@@ -26,12 +27,19 @@ def simulate_command(
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
     ] = None,
+    live: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Also publish the drive as it is recorded, at most in real time: {', '.join(PUBLISHERS)}.",
+            autocompletion=words_of(PUBLISHERS),
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag."""
     from advpipe.commands.simulate import simulate as run
 
-    return simulated(run(scenario, settings=settings or (), out=out, overwrite=overwrite))
+    return simulated(run(scenario, settings=settings or (), out=out, live=live, overwrite=overwrite))
 
 
 def simulated(summary: SimulationSummary) -> Answer:

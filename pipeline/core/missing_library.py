@@ -32,6 +32,7 @@ DEBIAN_PACKAGES = {
 system, the C library's own aside. Found by loading them on a Debian that has nothing else."""
 
 PIP_PACKAGES = {
+    "foxglove": "foxglove-sdk",
     "google": "protobuf",
     "mpl_toolkits": "matplotlib",
     "open3d": "open3d-cpu",
@@ -45,7 +46,7 @@ PIP_PACKAGES = {
 }
 """Packages on PyPI whose modules have another name."""
 
-EXTRAS = {"cryptography": "sign"}
+EXTRAS = {"cryptography": "sign", "cyclonedds": "ros2", "foxglove": "foxglove"}
 """Modules that are installed only with an extra of advpipe."""
 
 _ABSENT = re.compile(r"([^\s:]+): cannot open shared object file: No such file or directory")

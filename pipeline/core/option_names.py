@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_FLAGS = {"settings": "set", "lidar_height_m": "lidar-height", "interval_s": "interval", "classes": "class"}
+_FLAGS = {
+    "settings": "set",
+    "lidar_height_m": "lidar-height",
+    "interval_s": "interval",
+    "classes": "class",
+    "start_s": "start",
+    "clock_hz": "clock",
+    "delay_s": "delay",
+}
 """Options whose flag is not the Python name with dashes."""
 
 _is_command_line = False

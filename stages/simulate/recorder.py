@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.footprints import footprints_text
 from advpipe.pipeline.bag.localisation import initial_pose_message, onboard_messages
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.live.stream import LiveStream
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build, topics
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
@@ -38,12 +39,13 @@ class Recorder:
     """Converts each step to messages and writes them to the bag.
 
     Messages about an instant carry the step's stamp; IMU samples, messages sent and messages received
-    carry their own, since the previous step. All messages of a step are written in the order of their stamps.
+    carry their own, since the previous step. All messages of a step are written in the order of their stamps,
+    and published by the stream, if there is one.
     """
 
-    def __init__(self, scenario: Scenario, writer: BagWriter) -> None:
+    def __init__(self, scenario: Scenario, writer: BagWriter, stream: LiveStream | None = None) -> None:
         self._scenario = scenario
-        self._writer = writer
+        self._writer, self._stream = writer, stream
         self._step: list[StampedCdr] = []
         self._own_radios: dict[int, VehicleTopics] = {}
 
@@ -105,8 +107,11 @@ class Recorder:
         self._flush()
 
     def _flush(self) -> None:
-        for message in sorted(self._step, key=lambda message: message[2]):
+        self._step.sort(key=lambda message: message[2])
+        for message in self._step:
             self._writer.write_cdr(*message)
+        if self._stream is not None:
+            self._stream.publish(self._step)
         self._step.clear()
 
     def _write(self, topic: Topic, message: Any, stamp_ns: int) -> None:

@@ -17,6 +17,7 @@ from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.core.text import counted
+from advpipe.pipeline.live.stream import live_stream
 from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.pipeline.viewer_layouts.files import write_layouts
@@ -102,9 +103,12 @@ class _Tally:
             self.road_users.update(reading.road_users)
 
 
-def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> SimulationSummary:
+def simulate(
+    scenario: Scenario, out: Path, *, overwrite: bool = False, live: str | None = None
+) -> SimulationSummary:
     """Simulate a scenario and record it as the data set folder `out`: scenario.yaml and clean/.
 
+    live: the publisher that also sends the drive to running programs, at most in real time.
     Raises AdvpipeError for an invalid map, a network without room, or an existing output.
     """
     plan_progress({NETWORK: 2, WORLD: 3, RECORDING: 90, "closing the bag": 3})
@@ -114,6 +118,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,
         plugin_errors(plugins),
+        live_stream(live) as stream,
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with as_usage_error():  # so far, only files that the scenario names have been read
@@ -132,7 +137,7 @@ def simulate(scenario: Scenario, out: Path, *, overwrite: bool = False) -> Simul
                 folder / "clean", provenance=provenance, compression=compression, finish=write_layouts
             ) as writer,
         ):
-            tally, v2x = _drive(scenario, setting, traffic, Recorder(scenario, writer))
+            tally, v2x = _drive(scenario, setting, traffic, Recorder(scenario, writer, stream))
     frames, road_users = scenario.simulation.frames, len(tally.road_users)
     return SimulationSummary(out / "clean", frames, tally.clouds, tally.points, road_users, v2x)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import read_frames
@@ -108,6 +108,26 @@ def view(bag: Path, out: Path) -> str:
     return "\n".join(encode_scene(scenes.scene(index, None)) for index in sorted({0, last // 2, last}))
 
 
+def play(bag: Path, out: Path) -> int:
+    """What would be announced and published, as far as no network is needed."""
+    from itertools import islice
+
+    from advpipe.pipeline.bag.reader import BagReader
+    from advpipe.pipeline.live.offered_qos import offered_qos
+    from advpipe.pipeline.live.publisher import UnpublishableTypeError
+    from advpipe.stages.play.options import PlayOptions
+    from advpipe.stages.play.timeline import Timeline
+
+    timeline = Timeline(BagReader(bag, debug=True), PlayOptions(ros2=True, start_s=0.1))
+    for published in timeline.published:
+        offered_qos(published.topic)
+        with suppress(ImportError, UnpublishableTypeError):
+            from advpipe.pipeline.live.dds_types import DdsType
+
+            DdsType(published)
+    return len([*timeline.latched_before(), *islice(timeline.messages(), 10_000)])
+
+
 def evaluated(clean: Path, bag: Path, out: Path) -> None:
     """A report of one adversarial bag, without a detector that takes its time."""
     from advpipe.stages.evaluate.run import Options, evaluate, print_report
@@ -138,6 +158,7 @@ BAG_CALLS: dict[str, Call] = {
     "sybil": attacked(type="cam-sybil-grid", attackers={"share": 0.3}),
     "gnss": attacked(type="gnss-bias", victim="ego"),
     "view": view,
+    "play": play,
     "detach": attacked(type="detach", recipe="random", parameters={"ratio": 0.05}, frames="0:2"),
 }
 """Of a bag, by the word on the command line where there is one."""

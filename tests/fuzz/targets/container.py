@@ -17,7 +17,9 @@ from tests.fuzz.mcap_tree import Node, body_of, packed, put_together, take_apart
 from tests.fuzz.values import NUMBERS, TEXTS
 
 MCAP, METADATA = "clean_0.mcap", "metadata.yaml"
-CALLS = {name: calls.BAG_CALLS[name] for name in ("read", "inspect", "verify", "frames", "recover", "view")}
+CALLS = {
+    name: calls.BAG_CALLS[name] for name in ("read", "inspect", "verify", "frames", "recover", "view", "play")
+}
 SCHEMA_LINES = (
     *(
         "uint8 x",

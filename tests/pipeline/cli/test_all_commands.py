@@ -50,6 +50,7 @@ REFUSED = {
     "import-weights": ["import-weights", "{drive}/none.pth", "-o", "{out}/i.safetensors"],
     "share": ["share", "{drive}", "-o", "{out}/\x1b"],
     "view": ["view", "{drive}/nowhere\x1b"],
+    "play": ["play", "{drive}/nowhere\x1b", "--ros2"],
     "figures": ["figures", "{drive}/nowhere\x1b"],
     "attack": ["attack", "{drive}", "--type", "explode\x1b\u202e"],
     "inspect": ["inspect", "{drive}/nowhere\x1b"],

@@ -32,6 +32,7 @@ FIRST_WORDS = {
     "unpack": (["d.tar"], "unpacking d.tar ..."),
     "plot": (["d"], "drawing d ..."),
     "view": (["d"], "viewing d ..."),
+    "play": (["d", "--ros2"], "playing d ..."),
     "recover": (["d"], "recovering d ..."),
     "verify": (["d"], "verifying d ..."),
 }

@@ -1,0 +1,1 @@
+"""Play a bag into running programs."""
