@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor, nn
 
 from advpipe.pipeline.detector.second.presets import SecondPreset
@@ -73,3 +74,15 @@ def to_bev(features: Tensor, rules: Rulebook) -> Tensor:
     dense = dense.index_copy(0, cells, features)
     bev: Tensor = dense.view(rules.sites.batch_size, height, width, depth * channels).permute(0, 3, 1, 2)
     return bev
+
+
+def cells_below(sites: Sites) -> Tensor:
+    """The cells (B, H, W) of the bird's-eye map that these voxels reach through the strided layers."""
+    _, height, width = sites.shape
+    cells = torch.zeros(sites.batch_size, height // 8, width // 8, dtype=torch.bool, device=sites.keys.device)
+    batch, _, y, x = sites.bzyx()
+    # A voxel reaches the cell that it lies in and, except the first of a cell, the next one.
+    for row in (y // 8, ((y + 7) // 8).clamp(max=height // 8 - 1)):
+        for column in (x // 8, ((x + 7) // 8).clamp(max=width // 8 - 1)):
+            cells[batch, row, column] = True
+    return cells
