@@ -11,7 +11,6 @@ from torch import Tensor, nn
 
 from advpipe.pipeline.detector.common.preset import BevBlock
 
-
 Convolve = Callable[[nn.Conv2d, Tensor], Tensor]
 
 

@@ -96,7 +96,7 @@ class Halo:
     cells: Tensor
 
     def framed(self, x: Tensor, around: Tensor | None) -> Tensor:
-        """Tiles (N, C, size + 2, size + 2) of tiles (N, C, size, size), between cells of `around` or zeros."""
+        """Tiles (N, C, size + 2, size + 2) of x (N, C, size, size), between cells of `around` or zeros."""
         framed = _rows(x).index_select(0, self.source)
         if around is None:
             framed.index_fill_(0, self.outside, 0)

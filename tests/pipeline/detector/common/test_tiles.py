@@ -131,7 +131,7 @@ def test_the_empty_map_is_no_part_of_a_checkpoint():
 
 
 def test_the_shipped_detector_sees_the_same_in_tiles(monkeypatch):
-    """Loss, gradient and detections around two cars of a recorded cloud, with probe points, and in a batch."""
+    """Loss, gradient and detections around two objects of a recorded cloud, with probe points, in a batch."""
     detector = load_detector("small")
     assert isinstance(detector, Second)
     (frame,) = read_frames(resolve_bag(shipped_sample() / "clean"), FrameSlice(1, 2, 1))
