@@ -77,12 +77,12 @@ def to_bev(features: Tensor, rules: Rulebook) -> Tensor:
 
 
 def cells_below(sites: Sites) -> Tensor:
-    """The cells (B, H, W) of the bird's-eye map that these voxels reach through the strided layers."""
-    _, height, width = sites.shape
-    cells = torch.zeros(sites.batch_size, height // 8, width // 8, dtype=torch.bool, device=sites.keys.device)
+    """The cells (B, H, W) bool of the bird's-eye map that these voxels reach through the layers."""
+    height, width = (n // 8 for n in sites.shape[1:])
     batch, _, y, x = sites.bzyx()
     # A voxel reaches the cell that it lies in and, except the first of a cell, the next one.
-    for row in (y // 8, ((y + 7) // 8).clamp(max=height // 8 - 1)):
-        for column in (x // 8, ((x + 7) // 8).clamp(max=width // 8 - 1)):
-            cells[batch, row, column] = True
-    return cells
+    rows = y // 8, ((y + 7) // 8).clamp(max=height - 1)
+    columns = x // 8, ((x + 7) // 8).clamp(max=width - 1)
+    reached_cells = torch.cat([(batch * height + row) * width + column for row in rows for column in columns])
+    cells = torch.zeros(sites.batch_size * height * width, dtype=torch.bool, device=sites.keys.device)
+    return cells.index_fill(0, reached_cells, True).view(sites.batch_size, height, width)

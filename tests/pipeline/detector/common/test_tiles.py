@@ -100,6 +100,17 @@ def test_a_map_that_is_mostly_occupied_is_computed_whole():
     assert torch.equal(all_of(OccupiedMap(backbone, head)(bev, torch.zeros_like(occupied))), whole)
 
 
+def test_the_maps_of_a_batch_are_computed_as_if_alone():
+    (backbone, head), (bev, occupied) = layers_of(), maps_of()
+    bev[1], occupied[1] = torch.randn_like(bev[1]), True
+    kept = OccupiedMap(backbone, head)
+    together = all_of(kept(bev, occupied))
+    alone = [all_of(kept(bev[b : b + 1], occupied[b : b + 1])) for b in range(2)]
+    torch.testing.assert_close(together, torch.cat(alone))
+    torch.testing.assert_close(alone[1], all_of(head(backbone(bev[1:]))))
+    assert (alone[0] - all_of(head(backbone(bev[:1])))).abs().max() > 1e-6  # in tiles
+
+
 def test_a_map_that_is_no_whole_number_of_tiles_is_computed_whole():
     bev, occupied = (each[..., :26] for each in maps_of())
     backbone, head = Backbone2d(BLOCKS[:1], 3).double().eval(), Head(SMALL, 6).double()
