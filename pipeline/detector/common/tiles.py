@@ -157,9 +157,9 @@ class Tiles:
 
     def _places(self, reach: Tensor, size: int) -> tuple[Tensor, Tensor, Tensor]:
         """Batch entry, y and x (N, K, K) of the cells at these offsets (K,) in each tile."""
-        y, x = (self._row * size)[:, None] + reach, (self._column * size)[:, None] + reach
-        places = torch.broadcast_tensors(self._batch[:, None, None], y[:, :, None], x[:, None])
-        return places[0], places[1], places[2]
+        y = ((self._row * size)[:, None] + reach)[:, :, None].expand(-1, -1, len(reach))
+        x = ((self._column * size)[:, None] + reach)[:, None].expand(-1, len(reach), -1)
+        return self._batch[:, None, None].expand_as(y), y, x
 
 
 class _TileConvolution(torch.autograd.Function):
