@@ -3,12 +3,21 @@ BaseBEVBackbone)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 
 from advpipe.pipeline.detector.common.preset import BevBlock
+
+Convolve = Callable[[nn.Conv2d, Tensor], Tensor]
+
+
+def _padded(layer: nn.Conv2d, x: Tensor) -> Tensor:
+    """The layer as it is: zeros beyond the map."""
+    out: Tensor = layer(x)
+    return out
 
 
 def _norm_relu(channels: int) -> list[nn.Module]:
@@ -47,10 +56,14 @@ class Backbone2d(nn.Module):
             c_in = channels
         self.out_channels = sum(size.up_channels for size in sizes)
 
-    def forward(self, bev: Tensor) -> Tensor:
-        """Features (B, sum of the blocks' up_channels, H, W) of a map (B, C, H, W)."""
+    def forward(self, bev: Tensor, convolve: Convolve = _padded) -> Tensor:
+        """Features (B, sum of the blocks' up_channels, H, W) of a map (B, C, H, W).
+
+        convolve: applies a 3 x 3 convolution; another one for maps that are pieces of a larger one.
+        """
         ups = []
         for block, up in zip(self.blocks, self.ups, strict=True):
-            bev = block(bev)
+            for layer in cast("nn.Sequential", block):
+                bev = convolve(layer, bev) if isinstance(layer, nn.Conv2d) else layer(bev)
             ups.append(up(bev))
         return torch.cat(ups, dim=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor, nn
 
 from advpipe.pipeline.detector.second.presets import SecondPreset
@@ -73,3 +74,15 @@ def to_bev(features: Tensor, rules: Rulebook) -> Tensor:
     dense = dense.index_copy(0, cells, features)
     bev: Tensor = dense.view(rules.sites.batch_size, height, width, depth * channels).permute(0, 3, 1, 2)
     return bev
+
+
+def cells_below(sites: Sites) -> Tensor:
+    """The cells (B, H, W) bool of the bird's-eye map that these voxels reach through the layers."""
+    height, width = (n // 8 for n in sites.shape[1:])
+    batch, _, y, x = sites.bzyx()
+    # A voxel reaches the cell that it lies in and, except the first of a cell, the next one.
+    rows = y // 8, ((y + 7) // 8).clamp(max=height - 1)
+    columns = x // 8, ((x + 7) // 8).clamp(max=width - 1)
+    reached_cells = torch.cat([(batch * height + row) * width + column for row in rows for column in columns])
+    cells = torch.zeros(sites.batch_size * height * width, dtype=torch.bool, device=sites.keys.device)
+    return cells.index_fill(0, reached_cells, True).view(sites.batch_size, height, width)

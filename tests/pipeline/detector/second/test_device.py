@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from conftest import TINY
 from far_device import FAR, FarDevice, FarTensor
 
-from advpipe.pipeline.detector.common import decode
+from advpipe.pipeline.detector.common import decode, tiles
 from advpipe.pipeline.detector.second.model import Second
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
@@ -78,6 +78,21 @@ def test_another_device_gives_the_same_results_without_tensors_on_the_cpu(tiny, 
     assert mode.homeless == []
     for result, wanted in zip(results, expected, strict=True):
         assert type(result) is torch.Tensor
+        torch.testing.assert_close(result, wanted, rtol=1e-3, atol=1e-4)
+
+
+def test_tiles_are_computed_on_another_device(tiny, scene, monkeypatch):
+    monkeypatch.setattr(decode, "SCORE_THRESHOLD", 0.01)
+    monkeypatch.setattr(tiles, "MARGIN_CELLS", 0)
+    near = (scene[0][:, :2] - scene[1][0, :2]).norm(dim=1) < 2
+    given = scene[0][near], scene[1][:1], scene[2][:1]
+    expected = all_of_it(tiny, *given)
+    with FarDevice() as mode:
+        detector = moved(tiny)
+        results = all_of_it(detector, *given)
+        assert detector.net._occupied_map._empty is not None
+    assert mode.homeless == []
+    for result, wanted in zip(results, expected, strict=True):
         torch.testing.assert_close(result, wanted, rtol=1e-3, atol=1e-4)
 
 
