@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +64,12 @@ class Defence(Protocol):
 
         Random numbers come from `rng` alone, which is the same for the clean and the adversarial cloud.
         """
+
+
+class ShippedDefence(Defence, Protocol):
+    """A defence of ours. is_default: whether a report has it unless it is asked for others."""
+
+    is_default: ClassVar[bool]
 
 
 def with_xyz(cloud: Cloud, points: npt.NDArray[np.floating]) -> Cloud:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 class RandomSampling:
     """Simple random sampling: removes exactly round(drop * N) of a cloud's N points, uniformly."""
+
+    is_default: ClassVar[bool] = True
 
     def __init__(self, *, drop: float = 0.05) -> None:
         if not 0 < drop < 1:
@@ -31,6 +34,8 @@ class OutlierRemoval:
     the cloud by more than `sigmas` of their standard deviation (k 2 and 1.1, as in DUP-Net, ICCV 2019).
     Points that are not finite are kept. The neighbours come from a k-d tree.
     """
+
+    is_default: ClassVar[bool] = True
 
     def __init__(self, *, k: float = 2, sigmas: float = 1.1) -> None:
         if not (k >= 1 and float(k).is_integer()):
