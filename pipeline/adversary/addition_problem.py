@@ -66,6 +66,12 @@ class AdditionProblem:
         points = jittered(self._all[shown], self.jitter_m, self.rng)
         if not will_propose:
             return self.objective.value(self.objective.detector.detect(cloud_of_xyzi(points)))
+        self.refill_pool(taken)
+        found, self._gain[self._pool] = self.assessed(points, shown)
+        return self.objective.value(found)
+
+    def refill_pool(self, taken: Int64) -> None:
+        """Choose the places that are assessed next, of those not taken, for each open object."""
         free = np.ones(len(self.places), bool)
         free[taken] = False
         pools = [
@@ -73,8 +79,6 @@ class AdditionProblem:
             for number in np.flatnonzero(self.focus.is_open)
         ]
         self._pool = np.concatenate([np.zeros(0, np.int64), *pools])
-        found, self._gain[self._pool] = self.assessed(points, shown)
-        return self.objective.value(found)
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         del taken, room

@@ -30,6 +30,23 @@ class Placement:
         points = xyz(cloud).astype(np.float64) * (self.scale * self._signs) + self.offset_m
         return with_xyz(cloud, points)
 
+    def boxes_there(self, boxes: Float64) -> Float64:
+        """Boxes (M, 7) of the original cloud, where they are in the transformed one."""
+        there = boxes.copy()
+        there[:, :3] = boxes[:, :3] * (self.scale * self._signs) + self.offset_m
+        there[:, 3:6] *= self.scale
+        if self.is_mirrored:
+            there[:, 6] = wrap_angle(-boxes[:, 6])
+        return there
+
+    def followed_by(self, other: Placement) -> Placement:
+        """This transform, and then another one."""
+        return Placement(
+            self.scale * other.scale,
+            self.is_mirrored != other.is_mirrored,
+            other.scale * other._signs * self.offset_m + other.offset_m,
+        )
+
     def boxes_back(self, boxes: Float64) -> Float64:
         """Boxes (M, 7) detected in the transformed cloud, mapped back to the original cloud."""
         back = boxes.copy()

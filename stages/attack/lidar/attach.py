@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.greedy_allocation import queries
@@ -46,6 +47,7 @@ from advpipe.stages.attack.lidar.base import (
     PublishedFigure,
     unchanged,
 )
+from advpipe.stages.attack.lidar.robust_attach import RobustAttachProblem
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -58,11 +60,9 @@ MAX_EPS_M = 5.0
 MAX_POINTS = 100_000
 """About the points of a whole LiDAR cloud; more would not fit into memory."""
 
-INSET_M = {"best": 0.002, "robust": 0.025}
-"""The distance of added points from the faces of their voxel; 1 cm of jitter seldom moves one by 2.5 cm."""
-
-JITTER_M = 0.01
-"""The noise under which the recipe `robust` evaluates its candidates."""
+INSET_M = {"best": 0.002, "robust": 0.05}
+"""The distance of added points from the faces of their voxel, at most 0.45 of its size: a sub-voxel shift
+seldom moves one by 5 cm."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -77,7 +77,8 @@ class Attach(LidarAttack):
     recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to
         a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
         for a detector without `occupancy_loss`, it ranks places by the gradient of the loss. "robust" keeps a
-        distance from the voxels' faces and evaluates under jitter of 1 cm. "paper" shifts copies of the most
+        distance from the voxels' faces, and takes gains and objective as means over draws of defences
+        (`expectation`), a pass for each of four. "paper" shifts copies of the most
         salient points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near"
         around those near objects, "random-best" likewise with the selection of "best": the baseline that
         reports compare the attack with. New points copy the intensity of the point that
@@ -216,12 +217,15 @@ class Attach(LidarAttack):
         sources = addition_sources(clean, boxes, rules)
         if isinstance(detector, VoxelDetector):
             grid, inset_m, note = detector.voxel_grid, INSET_M[self.recipe], ""
+            inset_m = min(inset_m, 0.45 * min(grid.size_m))
             places = voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m)
         else:
             note = "no occupancy_loss: places by the gradient of the loss"
             places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
-        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        problem = AttachProblem(clean, places, objective, rng, jitter_m, decay_m=self.decay_m)
+        problem = AttachProblem(clean, places, objective, rng, decay_m=self.decay_m)
+        if self.recipe == "robust" and isinstance(detector, VoxelDetector):
+            expected = ExpectedObjective.over(objective, clean, rng)
+            problem = RobustAttachProblem(clean, places, expected, rng, decay_m=self.decay_m)
         best = add_greedily(problem, self.points, self.query_budget)
         if short := self.points - len(best):
             note = join_notes(note, "nothing more to gain: the rest added at random")

@@ -9,6 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.greedy_allocation import queries
@@ -36,12 +37,10 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
+from advpipe.stages.attack.lidar.robust_detach import RobustDetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 
 RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
-
-JITTER_M = 0.01
-"""The noise under which the recipe `robust` evaluates its candidates."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -54,11 +53,11 @@ class Detach(LidarAttack):
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
     recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
-        budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
-        without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
-        the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the baseline that
-        reports compare the attack with.
+        budget on the objects that are lost with the fewest points; "robust" takes gains and
+        objective as means over draws of defences (`expectation`), a pass for each of four; "paper" is the
+        greedy gradient-norm saliency of the paper (section III-A, Eq. 3). Random baselines of equal budget:
+        "random" anywhere, "random-near" near objects, "random-best" there with the selection of "best": the
+        baseline that reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
     near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
@@ -178,8 +177,10 @@ class Detach(LidarAttack):
             return random.removed(budget), ""
         owner = np.full(len(scene), -1, np.int64)
         owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
-        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
-        problem = DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
+        problem = DetachProblem(xyzi(scene), owner, objective, rng)
+        if self.recipe == "robust" and isinstance(detector, VoxelDetector):
+            expected = ExpectedObjective.over(objective, xyzi(scene), rng)
+            problem = RobustDetachProblem(xyzi(scene), owner, expected, rng)
         chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         is_plain = not isinstance(detector, VoxelDetector)
         return chosen, join_notes(
