@@ -63,7 +63,8 @@ class ExpectedObjective(AttackObjective):
     def weights(self, found: Sequence[Detections], views: Sequence[View]) -> Float64:
         """How much the gains of each view count for each object, (T, M): little where it is lost already."""
         back = [view.found_back(each) for view, each in zip(views, found, strict=True)]
-        return still_found(self.goal, back)[:, : len(self.goal.targets)]
+        weights: Float64 = still_found(self.goal, back)[:, : len(self.goal.targets)]
+        return weights
 
     def expected(self, found: Sequence[Detections], views: Sequence[View]) -> Float64:
         """The objective (M,) if these are detected in the views, each in its own frame."""

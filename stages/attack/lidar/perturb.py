@@ -97,7 +97,7 @@ class Perturb(LidarAttack):
             "steps": (*QUERYING, "paper"),
             "goal": QUERYING,
             "weight": ("paper",),
-            "intensity": tuple(recipe for recipe in RECIPES if recipe != "paper"),
+            "intensity": tuple(recipe for recipe in RECIPES if recipe not in ("paper", "robust")),
         },
     )
 
@@ -211,18 +211,19 @@ class Perturb(LidarAttack):
         )
         if self.recipe == "robust" and isinstance(detector, VoxelDetector):
             robust = RobustSearch(points, goal, detector, rules, owner, self.eps_m, rng)
-            return robust.moved(self.steps), INTENSITY_STAYS if self.intensity else ""
-        note, jitter_m = "", 0.0
+            return robust.moved(self.steps), ""
+        note = ""
         search: Search
         if isinstance(detector, VoxelDetector):
-            settings, jitter_m = self.settings, self.settings.jitter_m
-            search = CrossingSearch(points, goal, detector, rules, owner, focus, self.eps_m, settings, rng)
+            search = CrossingSearch(
+                points, goal, detector, rules, owner, focus, self.eps_m, self.settings, rng
+            )
         else:
             search = ProjectedGradientDescent(points, goal, detector, rules, owner >= 0, self.eps_m, rng)
             note = join_notes(NO_OCCUPANCY.format(self.recipe), INTENSITY_STAYS if self.intensity else "")
         best = None
         if self.settings.keep_best:
-            best = PerObjectBest(goal, detector, points, found, owner, focus, jitter_m, rng)
+            best = PerObjectBest(goal, detector, points, found, owner, focus)
         moved = points
         for candidate in search.candidates(self.steps):
             moved = candidate.points

@@ -70,28 +70,26 @@ class RobustSearch:
         self.choice = np.zeros(len(self.movable), np.int64)
 
     def moved(self, rounds: int) -> Float32:
-        """The points (N, 4) with the best choice for each object, of so many candidates.
+        """The points (N, 4) with the best choice for each object, of so many candidates and the clean points.
 
         Each is judged by the mean success under the transformations. Raises NoGradientError if the loss has
         no gradient from the start.
         """
         kept = self.choice.copy()
         success = np.full(len(self.goal.regions), -np.inf)
-        for number in range(rounds):
+        for number in range(rounds + 1):
             phase = number % ROUNDS_PER_CYCLE
-            if number and phase == 0:
-                self.choice = kept.copy()
             if not self.focus.is_open.any():
                 break
-            mean, is_done = self._judged(takes_gain=number + 1 < rounds)
+            mean, is_done = self._judged(takes_gain=number < rounds)
             better = self.focus.is_open & (mean > success + 1e-9)
             success[better] = mean[better]
             taken = better[self.owner[self.movable]]
             kept[taken] = self.choice[taken]
             if number or not is_done.all():  # else nothing is found: follow the gradient everywhere
                 self.focus.close(better & is_done)
-            closed = ~self.focus.is_open[self.owner[self.movable]]
-            self.choice[closed] = kept[closed]
+            again = ~self.focus.is_open[self.owner[self.movable]] | (number > 0 and phase == 0)
+            self.choice[again] = kept[again]
             share = phase / max(1, min(ROUNDS_PER_CYCLE, rounds) - 1)
             self._step(FIRST_PROBABILITY + (LAST_PROBABILITY - FIRST_PROBABILITY) * share)
         return self._placed(kept)

@@ -83,7 +83,7 @@ def _note(title: str, summary: Summary) -> str:
         return f"{of}, mAP kept: {', '.join(kept)}."
     random = baseline_title(RANDOM_BEST, summary.comparison.baseline_tries)
     ratios = ", ".join(
-        f"{each.defence} {_percent(each.attacked and each.attacked.map_ratio_percent)}"
+        f"{each.defence} {_percent(each.attacked.map_ratio_percent if each.attacked else None)}"
         + (f" ({_percent(each.baseline.random_best_map_ratio_percent)})" if each.baseline else "")
         for each in summary.defended
     )
