@@ -63,7 +63,7 @@ class Perturb(LidarAttack):
     eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
         candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it is PGD near
-        objects with the best iterate. "robust" moves points by the whole reach or half of it, and takes
+        objects with the best iterate. "robust" moves points by the whole reach, and takes
         gains and successes as means over draws of defences (`robust_search`), a pass for each of four.
         "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines: "random"
         moves all points by eps in a random direction, "random-near" those near objects, and

@@ -1,8 +1,8 @@
 """Moves of points that hold in expectation over transformations: the recipe `robust` of `perturb`.
 
-A crossing of one voxel face survives neither a sub-voxel shift nor a mirror image. So each point has a fixed
-set of displacements, by the whole reach and by half of it in many directions. The gain of each is a mean over
-draws of the transformations: of the occupancy that it adds to the voxels of a draw, and takes from them.
+A crossing of one voxel face survives neither a sub-voxel shift nor a mirror image. So each point has 26 fixed
+displacements, by its whole reach. The gain of each is a mean over draws of the transformations: of the
+occupancy that it adds to the voxels of a draw, and takes from them.
 """
 
 from __future__ import annotations
@@ -29,17 +29,11 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-LENGTHS = (1.0, 0.5)
-"""How far a point may move, in shares of its reach."""
-
-TRIED = 12
-"""How many of its displacements a round tries, chosen at random."""
-
-MOMENTUM = 0.5
-"""The weight of earlier rounds in the gain of a displacement."""
+MOMENTUM = 0.8
+"""The weight of earlier rounds in the gain of a displacement: a mean over some twenty draws."""
 
 ROUNDS_PER_CYCLE = 12
-FIRST_PROBABILITY, LAST_PROBABILITY = 0.9, 0.2
+FIRST_PROBABILITY, LAST_PROBABILITY = 0.5, 0.2
 """Each cycle starts from the best points so far; of taking a displacement with a gain, in its first and last
 round."""
 
@@ -64,9 +58,9 @@ class RobustSearch:
         self.focus = Focus(points, goal.regions)
         self.movable = np.flatnonzero((owner >= 0) & rules.allowed)
         self.owner = owner
-        self.places = np.stack([self._moved_by(way, reach_m) for way in _ways()])  # (L, P, 3); the first stay
+        self.places = np.stack([self._moved_by(way, reach_m) for way in _ways()])  # (L, P, 3); first: to stay
         self.gain = np.zeros(self.places.shape[:2])
-        self.is_known = np.zeros(self.places.shape[:2], bool)
+        self.is_known = np.zeros(len(self.movable), bool)
         self.choice = np.zeros(len(self.movable), np.int64)
 
     def moved(self, rounds: int) -> Float32:
@@ -109,11 +103,10 @@ class RobustSearch:
         gains are updated on the way."""
         shown, placed = self.focus.shown, self._placed(self.choice)
         open_ = np.flatnonzero(self.focus.is_open[self.owner[self.movable]])
-        tried = self.rng.permutation(np.arange(1, len(self.places)))[:TRIED]
         gains, found = [], []
         for view in self.expectation.views(placed[shown], self.rng):
             if takes_gain:
-                seen, gain = self._gains(view, open_, tried)
+                seen, gain = self._gains(view, open_)
                 gains.append(gain)
             else:
                 seen = self.detector.detect(cloud_of_xyzi(view.points))
@@ -123,24 +116,22 @@ class RobustSearch:
             gain = (weights[:, None] * gains).mean(axis=0)
             if not gain.any() and not self.is_known.any():
                 raise NoGradientError
-            at = np.ix_(tried, open_)
-            memory = np.where(self.is_known[at], MOMENTUM, 0.0)
-            self.gain[at] = memory * self.gain[at] + (1 - memory) * gain[1:]
-            self.is_known[at] = True
+            memory = np.where(self.is_known[open_], MOMENTUM, 0.0)
+            self.gain[:, open_] = memory * self.gain[:, open_] + (1 - memory) * gain
+            self.is_known[open_] = True
         successes = [self.goal.success(each) for each in found]
         is_done = np.all([self.goal.is_done(each) for each in successes], axis=0)
         return np.mean(successes, axis=0), is_done
 
-    def _gains(self, view: View, open_: Int64, tried: Int64) -> tuple[Detections, Float64]:
-        """What the detector finds in a view, and the gain (1 + K, P) of moving each open point to each tried
-        place: of the voxel that it enters, if that is empty, and of leaving its own, shared by its points."""
+    def _gains(self, view: View, open_: Int64) -> tuple[Detections, Float64]:
+        """What the detector finds in a view, and the gain (L, P) of moving each open point to each of its
+        places: of the voxel that it enters, if empty, and of leaving its own, shared by its points."""
         targets = view.targets(self.goal.loss_targets)
-        probes = np.zeros(((1 + len(tried)) * len(open_), 4), np.float32)
-        here = self.places[self.choice[open_], open_][None]
-        probes[:, :3] = np.concatenate([here, self.places[np.ix_(tried, open_)]]).reshape(-1, 3)
+        probes = np.zeros((len(self.places), len(open_), 4), np.float32)
+        probes[:, :, :3] = self.places[:, open_]
         computed = self.detector.occupancy_loss(
             torch.from_numpy(view.points), targets.boxes, targets.labels,
-            torch.from_numpy(view.probes(probes)),
+            torch.from_numpy(view.probes(probes.reshape(-1, 4))),
         )  # fmt: skip
         (gradient,) = gradients_of(computed.loss, computed.occupancy)
         worth = self.goal.sign * np.nan_to_num(gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
@@ -148,10 +139,10 @@ class RobustSearch:
             worth /= np.abs(worth).mean()  # the scales of views differ
         worth = np.append(worth, 0.0)  # of row -1: what the detector ignores
         row = computed.rows.cpu().numpy()
-        of_points, of_probes = row[: len(view.points)], row[len(view.points) :].reshape(1 + len(tried), -1)
+        of_points, of_probes = row[: len(view.points)], row[len(view.points) :].reshape(len(probes), -1)
         count = np.bincount(of_points[of_points >= 0], minlength=len(worth))
         enter = np.where(count[of_probes] == 0, worth[of_probes], 0.0)
-        home = of_probes[0]
+        home = of_probes[self.choice[open_], np.arange(len(open_))]
         leave = -worth[home] / np.maximum(count[home], 1)
         gain = np.where(of_probes == home, 0.0, enter + leave)
         found = computed.found
@@ -159,8 +150,8 @@ class RobustSearch:
 
     def _step(self, probability: float) -> None:
         """Move to the place of the highest mean gain, if it has one, with this probability."""
-        best = np.argmax(np.where(self.is_known, self.gain, -np.inf), axis=0)
-        worth = np.where(self.is_known.any(axis=0), self.gain[best, np.arange(len(best))], 0.0)
+        best = np.argmax(self.gain, axis=0)
+        worth = self.gain[best, np.arange(len(best))]  # 0 where none is known
         goes = (worth > 0) & (self.rng.random(len(best)) < probability)
         goes &= self.focus.is_open[self.owner[self.movable]]
         self.choice = np.where(goes, best, self.choice)
@@ -171,9 +162,6 @@ class RobustSearch:
 
 
 def _ways() -> list[Float64]:
-    """Directions to the 26 neighbours of a cube, in each of the lengths, after staying."""
-    steps = [np.array(step, np.float64) for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
-    return [
-        np.zeros(3),
-        *(length * step / math.sqrt(step @ step) for length in LENGTHS for step in steps),
-    ]
+    """To stay, and the directions to the 26 neighbours of a cube."""
+    steps = [np.array(step, np.float64) for step in itertools.product((-1, 0, 1), repeat=3)]
+    return sorted((step / max(1.0, math.sqrt(step @ step)) for step in steps), key=lambda way: way @ way)
