@@ -70,8 +70,8 @@ class ExpectedObjective(AttackObjective):
         """The objective (M,) if these are detected in the views, each in its own frame."""
         back = [view.found_back(each) for view, each in zip(views, found, strict=True)]
         values = np.array([seen.value(each) for seen, each in zip(self.seen, back, strict=True)])
-        if self.goal.aim == "create":
-            return values.mean(axis=0)
         counts = np.array([seen.clean_success < 0 for seen in self.seen])
+        if self.goal.aim == "create":
+            counts = np.ones_like(counts)
         mean: Float64 = np.minimum(values, 1).sum(axis=0, where=counts) / np.maximum(counts.sum(axis=0), 1)
         return mean
