@@ -10,7 +10,6 @@ import numpy.typing as npt
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.greedy_allocation import greedy_allocation
-from advpipe.pipeline.adversary.per_object_best import jittered
 from advpipe.pipeline.adversary.places import Places
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
@@ -31,15 +30,13 @@ KEPT_CANDIDATES, NEW_CANDIDATES = 300, 500
 class AdditionProblem:
     """The items are places; taking one adds a point there. It proposes random places.
 
-    clean: (N, 4) float32. jitter_m: standard deviation of the noise that the detector sees the points under;
-    0 for none.
+    clean: (N, 4) float32.
     """
 
     clean: Float32
     places: Places
     objective: AttackObjective
     rng: np.random.Generator
-    jitter_m: float = 0.0
     focus: Focus = field(init=False)
 
     def __post_init__(self) -> None:
@@ -63,6 +60,12 @@ class AdditionProblem:
         points, shown = self.seen(taken)
         if not will_propose:
             return self.objective.value(self.objective.detector.detect(cloud_of_xyzi(points)))
+        self.refill_pool(taken)
+        found, self._gain[self._pool] = self.assessed(points, shown)
+        return self.objective.value(found)
+
+    def refill_pool(self, taken: Int64) -> None:
+        """Choose the places that are assessed next, of those not taken, for each open object."""
         free = np.ones(len(self.places), bool)
         free[taken] = False
         pools = [
@@ -70,16 +73,14 @@ class AdditionProblem:
             for number in np.flatnonzero(self.focus.is_open)
         ]
         self._pool = np.concatenate([np.zeros(0, np.int64), *pools])
-        found, self._gain[self._pool] = self.assessed(points, shown)
-        return self.objective.value(found)
 
     def seen(self, taken: Int64) -> tuple[Float32, Int64]:
-        """The points (K, 4) that the detector is shown with these places taken, under the noise; and which of
-        the clean points and places they are."""
+        """The points (K, 4) that the detector is shown with these places taken; and which of the clean
+        points and places they are."""
         is_there = np.arange(len(self._all)) < len(self.clean)
         is_there[len(self.clean) + taken] = True
         shown = self.focus.shown[is_there[self.focus.shown]]
-        return jittered(self._all[shown], self.jitter_m, self.rng), shown
+        return self._all[shown], shown
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         del taken, room
@@ -91,8 +92,7 @@ class AdditionProblem:
         return proposals
 
     def evaluate(self, taken: Int64) -> Float64:
-        points = np.concatenate([self.clean, self.places.points[taken]])
-        return self.objective(jittered(points, self.jitter_m, self.rng))
+        return self.objective(np.concatenate([self.clean, self.places.points[taken]]))
 
     def is_satisfied(self, values: Float64) -> Bool:
         return self.objective.is_satisfied(values)
@@ -107,8 +107,8 @@ class AdditionProblem:
         return np.concatenate([best, fresh])
 
     def assessed(self, points: Float32, shown: Int64) -> tuple[Detections, Float64]:
-        """What the detector finds in these points, (K, 4), the clean ones and places `shown`, (K,), under the
-        noise; and the estimated gain of one more at each place of the pool."""
+        """What the detector finds in these points, (K, 4), the clean ones and places `shown`, (K,); and
+        the estimated gain of one more at each place of the pool."""
         del shown
         found = self.objective.detector.detect(cloud_of_xyzi(points))
         return found, self.rng.random(len(self._pool)) + 1e-9

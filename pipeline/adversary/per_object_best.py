@@ -22,8 +22,7 @@ class PerObjectBest:
     around the others alone. The combination of the best points is not evaluated again.
 
     clean: points (N, 4) x, y, z, intensity, in which the detector found `found`. owner: (N,) the object that
-    each point belongs to, -1 for none. jitter_m: standard deviation of the noise that candidates are
-    evaluated under; 0 for none.
+    each point belongs to, -1 for none.
     """
 
     def __init__(
@@ -34,11 +33,8 @@ class PerObjectBest:
         found: Detections,
         owner: Int64,
         focus: Focus,
-        jitter_m: float,
-        rng: np.random.Generator,
     ) -> None:
         self._goal, self._detector, self._owner, self._focus = goal, detector, owner, focus
-        self._jitter_m, self._rng = jitter_m, rng
         self._best, self._success = clean.copy(), goal.success(found)  # of each object
         done = goal.is_done(self._success)
         if not done.all():  # else nothing is found: follow the gradient everywhere
@@ -51,8 +47,7 @@ class PerObjectBest:
         if not self._focus.is_open.any():
             return np.zeros(len(candidate), bool)
         if found is None:
-            shown = jittered(candidate[self._focus.shown], self._jitter_m, self._rng)
-            found = self._detector.detect(cloud_of_xyzi(shown))
+            found = self._detector.detect(cloud_of_xyzi(candidate[self._focus.shown]))
         success = self._goal.success(found)
         better = self._focus.is_open & (success > self._success + 1e-9)
         self._success = np.where(better, success, self._success)
@@ -64,11 +59,3 @@ class PerObjectBest:
     def combined(self) -> Float32:
         """The best points (N, 4) of each object."""
         return self._best.copy()
-
-
-def jittered(points: Float32, jitter_m: float, rng: np.random.Generator) -> Float32:
-    """Points (N, 4) with normal noise of this standard deviation on each coordinate; 0 makes no draw."""
-    seen = points.copy()
-    if jitter_m:
-        seen[:, :3] += rng.normal(0, jitter_m, (len(points), 3)).astype(np.float32)
-    return seen

@@ -93,7 +93,7 @@ class RandomBest:
         if self.tries == 1:
             return next(search.candidates(1))
         found, focus = self.detector.detect(cloud_of_xyzi(self.points)), Focus(self.points, self.goal.regions)
-        best = PerObjectBest(self.goal, self.detector, self.points, found, owner, focus, 0.0, self.rng)
+        best = PerObjectBest(self.goal, self.detector, self.points, found, owner, focus)
         for candidate in search.candidates(self.tries):
             best.update(candidate)
         return best.combined()

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.greedy_allocation import greedy_allocation
-from advpipe.pipeline.adversary.per_object_best import jittered
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
@@ -28,14 +27,12 @@ class RemovalProblem:
     """The items are points of the clean cloud, (N, 4); taking one removes it. It proposes random points.
 
     owner: (N,) the object of the goal that each point belongs to, -1 for one that must not be touched.
-    jitter_m: standard deviation of the noise that the detector sees the points under; 0 for none.
     """
 
     points: Float32
     owner: Int64
     objective: AttackObjective
     rng: np.random.Generator
-    jitter_m: float = 0.0
     focus: Focus = field(init=False)
 
     def __post_init__(self) -> None:
@@ -53,8 +50,7 @@ class RemovalProblem:
 
     def look(self, taken: Int64, *, will_propose: bool) -> Float64:
         left = np.setdiff1d(self.focus.shown, taken, assume_unique=True)
-        points = jittered(self.points[left], self.jitter_m, self.rng)
-        return self.objective.value(self.detected(points, left, will_propose))
+        return self.objective.value(self.detected(self.points[left], left, will_propose))
 
     def propose(self, taken: Int64, wanted: Int64, room: Int64) -> list[Int64]:
         left = np.setdiff1d(np.arange(len(self.points)), taken, assume_unique=True)
@@ -66,13 +62,13 @@ class RemovalProblem:
         return proposals
 
     def evaluate(self, taken: Int64) -> Float64:
-        return self.objective(jittered(np.delete(self.points, taken, axis=0), self.jitter_m, self.rng))
+        return self.objective(np.delete(self.points, taken, axis=0))
 
     def is_satisfied(self, values: Float64) -> Bool:
         return self.objective.is_satisfied(values)
 
     def detected(self, points: Float32, left: Int64, will_propose: bool) -> Detections:
-        """What the detector finds in these points, (K, 4), which are those `left`, (K,), under the noise."""
+        """What the detector finds in these points, (K, 4), which are those `left`, (K,)."""
         del left, will_propose
         return self.objective.detector.detect(cloud_of_xyzi(points))
 

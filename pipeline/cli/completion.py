@@ -45,10 +45,10 @@ def figure_formats(incomplete: str) -> list[str]:
 
 
 def defence_names(incomplete: str) -> list[str]:
-    """The defences, without their parameters."""
+    """The defences, without their parameters, and the words for several."""
     from advpipe.pipeline.defences.names import defence_names as names
 
-    return _beginning(names(), incomplete)
+    return _beginning([*names(), "default", "all", "none"], incomplete)
 
 
 def recipe_names(context: typer.Context, incomplete: str) -> list[str]:

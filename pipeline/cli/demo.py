@@ -50,7 +50,7 @@ def demo(
             clean, type="attach", eps_m=EPS_M, points=POINTS, rounds=ROUNDS, workers=1, overwrite=overwrite
         )
     with working_on("evaluating"):
-        report = evaluate(clean, attacked, workers=1, overwrite=overwrite)
+        report = evaluate(clean, attacked, defence="none", workers=1, overwrite=overwrite)
     assert report.folder is not None  # it has been written
     made, document = report.folder / "report.html", json.loads(report.to_json())
 

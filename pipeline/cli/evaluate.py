@@ -48,6 +48,9 @@ def evaluate_command(
         list[str] | None,
         cli_option(Options, "defences", "--defence", show_default=False, autocompletion=defence_names),
     ] = None,
+    defence_frames: Annotated[
+        int | None, cli_option(Options, "defence_frames", "--defence-frames", show_default=False)
+    ] = None,
     seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
     baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
@@ -73,7 +76,8 @@ def evaluate_command(
         detector=detector or Options.detectors,
         device=device,
         frames=frames,
-        defence=defence or (),
+        defence=defence or Options.defences,
+        defence_frames=defence_frames,
         seed=seed,
         baseline=baseline,
         baseline_tries=baseline_tries,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,23 @@ class Placement:
         """The transformed cloud (N,); computed in float64, stored in float32."""
         points = xyz(cloud).astype(np.float64) * (self.scale * self._signs) + self.offset_m
         return with_xyz(cloud, points)
+
+    def boxes_there(self, boxes: Float64) -> Float64:
+        """Boxes (M, 7) of the original cloud, where they are in the transformed one."""
+        there = boxes.copy()
+        there[:, :3] = boxes[:, :3] * (self.scale * self._signs) + self.offset_m
+        there[:, 3:6] *= self.scale
+        if self.is_mirrored:
+            there[:, 6] = wrap_angle(-boxes[:, 6])
+        return there
+
+    def followed_by(self, other: Placement) -> Placement:
+        """This transform, and then another one."""
+        return Placement(
+            self.scale * other.scale,
+            self.is_mirrored != other.is_mirrored,
+            other.scale * other._signs * self.offset_m + other.offset_m,
+        )
 
     def boxes_back(self, boxes: Float64) -> Float64:
         """Boxes (M, 7) detected in the transformed cloud, mapped back to the original cloud."""
@@ -64,6 +81,12 @@ class Defence(Protocol):
 
         Random numbers come from `rng` alone, which is the same for the clean and the adversarial cloud.
         """
+
+
+class ShippedDefence(Defence, Protocol):
+    """A defence of ours. is_default: whether a report has it unless it is asked for others."""
+
+    is_default: ClassVar[bool]
 
 
 def with_xyz(cloud: Cloud, points: npt.NDArray[np.floating]) -> Cloud:

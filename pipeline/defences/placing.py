@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from advpipe.pipeline.defences.base import DefendedCloud, Placement
@@ -15,6 +17,8 @@ class Shift:
     Half a voxel is enough to cross any face; the default is half of the shipped detector's 10 cm.
     """
 
+    is_default: ClassVar[bool] = True
+
     def __init__(self, *, max_m: float = 0.05) -> None:
         self.max_m = positive("shift", "max_m", max_m)
 
@@ -26,6 +30,8 @@ class Shift:
 class Flip:
     """Mirrors the cloud: left becomes right."""
 
+    is_default: ClassVar[bool] = True
+
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         placement = Placement(is_mirrored=True)
         return DefendedCloud(placement.cloud(cloud), placement)
@@ -33,6 +39,8 @@ class Flip:
 
 class Scale:
     """Scales the cloud: everything is `factor` times as large and as far away."""
+
+    is_default: ClassVar[bool] = False
 
     def __init__(self, *, factor: float = 1.025) -> None:
         self.factor = positive("scale", "factor", factor)

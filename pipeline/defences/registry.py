@@ -1,6 +1,7 @@
 """The defences by name, with parameters: `jitter`, `jitter:0.02`, `outliers:k=4,sigmas=2`.
 
-A user's own is named `module:Class`, with parameters `module:Class:0.02`.
+A user's own is named `module:Class`, with parameters `module:Class:0.02`. `default` stands for those that
+reports have unless asked otherwise, `all` for all of them, `none` for none.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import import_object
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.plugins import plugin_errors
-from advpipe.pipeline.defences.base import Defence, DefendedCloud
+from advpipe.pipeline.defences.base import Defence, DefendedCloud, ShippedDefence
 from advpipe.pipeline.defences.placing import Flip, Scale, Shift
 from advpipe.pipeline.defences.rounding import Jitter, Quantisation
 from advpipe.pipeline.defences.thinning import OutlierRemoval, RandomSampling
 from advpipe.pipeline.messages.cloud import Cloud
 
-DEFENCES: dict[str, Callable[..., Defence]] = {
+DEFENCES: dict[str, type[ShippedDefence]] = {
     "sample": RandomSampling,
     "outliers": OutlierRemoval,
     "quantise": Quantisation,
@@ -30,20 +31,37 @@ DEFENCES: dict[str, Callable[..., Defence]] = {
     "scale": Scale,
 }
 
+NONE, DEFAULT, ALL = "none", "default", "all"
+"""Words for several defences of the registry."""
+
 
 def parse_defences(texts: Sequence[str]) -> dict[str, Defence]:
-    """Parse each `NAME[:VALUE|NAME=VALUE,...]`; the keys are full names, such as `jitter:sigma_m=0.01`.
+    """Parse each `NAME[:VALUE|NAME=VALUE,...]` and `default`, `all` or `none`.
+
+    The keys of the result are full names, such as `jitter:sigma_m=0.01`.
 
     A bare value sets the first parameter. Raises UsageError for an unknown name or parameter, a value that
     is not a number or out of bounds, a class that cannot be loaded, and a defence that is given twice.
     """
+    if NONE in texts and len(texts) > 1:
+        raise UsageError(f"defence {NONE} stands alone; leave out the others or it")
     found: dict[str, Defence] = {}
-    for text in texts:
+    for text in (name for given in texts for name in _names_of(given)):
         name, defence = _parse(text)
         if name in found:
             raise UsageError(f"defence {name} is given twice")
         found[name] = defence
     return found
+
+
+def _names_of(text: str) -> list[str]:
+    """The defences that a word stands for; the text itself where it is none."""
+    words = {
+        NONE: [],
+        DEFAULT: [name for name, defence in DEFENCES.items() if defence.is_default],
+        ALL: list(DEFENCES),
+    }
+    return words.get(text, [text])
 
 
 def _parse(text: str) -> tuple[str, Defence]:
@@ -78,7 +96,8 @@ def _name_and_parameters(text: str) -> tuple[str, str]:
     attribute, _, parameters = rest.partition(":")
     if attribute.isidentifier():
         return f"{name}:{attribute}", parameters
-    raise UsageError(f"unknown defence {name!r}; {known_names(name, DEFENCES)} (or your own module:Class)")
+    known = known_names(name, [*DEFENCES, DEFAULT, ALL, NONE])
+    raise UsageError(f"unknown defence {name!r}; {known} (or your own module:Class)")
 
 
 def _own_class(name: str) -> Callable[..., Defence]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 class Quantisation:
     """Rounds coordinates to multiples of `step_m`."""
 
+    is_default: ClassVar[bool] = True
+
     def __init__(self, *, step_m: float = 0.01) -> None:
         self.step_m = positive("quantise", "step_m", step_m)
 
@@ -24,6 +27,8 @@ class Quantisation:
 
 class Jitter:
     """Adds Gaussian noise of standard deviation `sigma_m` to every coordinate."""
+
+    is_default: ClassVar[bool] = True
 
     def __init__(self, *, sigma_m: float = 0.01) -> None:
         self.sigma_m = positive("jitter", "sigma_m", sigma_m)

@@ -67,7 +67,7 @@ class ResultsOrigin:
     baseline_tries: Annotated[
         int | None, "number of random tries asked for; null for the attack's query budget"
     ]
-    defences: Annotated[tuple[str, ...], "the evaluated defences"]
+    defences: Annotated[tuple[str, ...], "the evaluated defences with their parameters"]
     device: Annotated[str | None, "kind of GPU; absent for the CPU"] = None
     adaptation: Annotated[
         AdaptationRecord | None,

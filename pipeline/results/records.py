@@ -105,12 +105,35 @@ class DefendedMetrics:
 
 
 @dataclass(frozen=True)
-class DefenceRecord(_OfAttack):
-    """A defence: the mAP that it leaves on clean clouds, in percent of that without it, and the attack's
-    effect under it; None without an attack."""
+class DefendedBaseline:
+    """The baseline to beat under a defence, and the attack beside it."""
 
-    defence: Annotated[str, "the defence with its parameters"]
-    frames: Annotated[int, "number of frames scored"]
+    random_best_map_adv: Annotated[float, "strict mAP of random_best under the defence, in [0, 1]"]
+    random_best_map_ratio_percent: Annotated[
+        float, "random_best_map_adv in percent of the mAP on clean clouds under the defence"
+    ]
+    random_best_map_ratio_ci95: Annotated[
+        Interval, "95 % interval of random_best_map_ratio_percent, in percent"
+    ]
+    map_ratio_delta_points_vs_random_best: Annotated[
+        float, "map_ratio_percent minus random_best_map_ratio_percent, in percentage points"
+    ]
+    map_ratio_delta_points_vs_random_best_ci95: Annotated[
+        Interval, "95 % interval of that difference, drawn together, in percentage points"
+    ]
+    significant_vs_random_best: Annotated[
+        bool | None, "whether that interval lies below 0; null with fewer than six blocks, or without one"
+    ]
+
+
+@dataclass(frozen=True)
+class DefenceRecord(_OfAttack):
+    """A defence: the mAP that it leaves on clean clouds, in percent of that without it, and the effects of
+    the attack and of random_best under it, absent where they were not scored; all of the same frames."""
+
+    defence: Annotated[str, "the defence with its parameters; `none` for the same frames without one"]
+    frames: Annotated[int, "number of frames that defences were scored on, evenly spread"]
+    blocks: Annotated[int, "number of blocks of at least 5 s that the bootstrap draws from"]
     map_clean: Annotated[float, "strict mAP on clean clouds under the defence, in [0, 1]"]
     map_clean_ci95: Annotated[Interval, "its 95 % interval"]
     clean_map_kept_percent: Annotated[
@@ -119,6 +142,7 @@ class DefenceRecord(_OfAttack):
     clean_map_kept_ci95: Annotated[Interval, "95 % interval of clean_map_kept_percent, in percent"]
     clean_precisions: Precisions
     attacked: DefendedMetrics | None
+    baseline: DefendedBaseline | None
 
     def record(self) -> Record:
         """The record as `report.json` has it."""
@@ -127,10 +151,11 @@ class DefenceRecord(_OfAttack):
         if self.attacked is None:
             return row
         row |= {name: value for name, value in vars(self.attacked).items() if name != "precisions"}
-        return row | self.attacked.precisions.record("adv")
+        row |= self.attacked.precisions.record("adv")
+        return row | (vars(self.baseline) if self.baseline else {})
 
 
-_NESTED = ("clean_precisions", "attacked")
+_NESTED = ("clean_precisions", "attacked", "baseline")
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import (
     BaselineRecord,
     DefenceRecord,
+    DefendedBaseline,
     DefendedMetrics,
     EffectRecord,
     PrecisionRecord,
@@ -166,7 +167,8 @@ def _row() -> Schema:
 
 
 def _defence() -> Schema:
-    about, attacked = _properties(DefenceRecord), _properties(DefendedMetrics)
+    about = _properties(DefenceRecord)
+    attacked = _properties(DefendedMetrics) | _properties(DefendedBaseline)
     return {
         "type": "object",
         "description": _description(DefenceRecord),
@@ -220,8 +222,8 @@ def _required(record: type) -> set[str]:
 
 
 def _is_nested(hint: Any) -> bool:
-    """Whether a field holds average precisions, whose keys are patterns."""
-    return _without_none(hint) in (Precisions, DefendedMetrics)
+    """Whether a field has no key of its own: average precisions, and what a defence leaves."""
+    return _without_none(hint) in (Precisions, DefendedMetrics, DefendedBaseline)
 
 
 def _without_none(hint: Any) -> Any:

@@ -20,8 +20,9 @@ class Options:
     """How a clean bag and adversarial ones are scored; the command line takes its options from here.
 
     detectors: the first one is shown in pictures. baseline_tries: None for the query budget of the
-    attack itself. defences: as `parse_defences` reads them. lidar_topic: None where a bag has one LiDAR.
-    bootstrap_draws: what the intervals are made of.
+    attack itself. defences: as `parse_defences` reads them. defence_frames: None for the rule of
+    `most_defended`. lidar_topic: None where a bag has one LiDAR. bootstrap_draws: what the intervals are
+    made of.
     """
 
     detectors: tuple[str, ...] = option(
@@ -32,9 +33,16 @@ class Options:
     baseline: bool = option(True, "Also score random baselines of equal budget.")
     baseline_tries: int | None = options.baseline_tries()
     defences: tuple[str, ...] = option(
-        (),
+        ("default",),
         "NAME[:parameters], before the detector: sample, outliers, quantise, jitter, shift, flip, "
-        "scale, or your own module:Class; such as jitter:0.02. Repeatable.",
+        "scale, or your own module:Class; such as jitter:0.02. Repeatable. Or default (all of these but "
+        "scale), all, or none.",
+    )
+    defence_frames: int | None = option(
+        None,
+        "Score defences on at most so many frames, evenly spread. [default: a third of the frames and at "
+        "most 10; all for defences that you name]",
+        least=1,
     )
     frames: FrameSlice = option(
         ALL_FRAMES,
@@ -66,6 +74,12 @@ class Options:
         for name in names:
             if names.count(name) > 1:
                 raise UsageError(f"two detectors are named {name}; reports identify them by name")
+
+    def most_defended(self, frames: int) -> int:
+        """On how many of so many frames defences are scored; each takes as long as it does without them."""
+        if self.defence_frames is not None:
+            return self.defence_frames
+        return min(10, -(-frames // 3)) if self.defences == Options.defences else frames
 
     @property
     def adaptation(self) -> Adaptation:

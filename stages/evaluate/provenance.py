@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.code import CLOUDS, code_sha256
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.versions import installed
+from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.device import device_record
 from advpipe.pipeline.detector.expected_input import BRIGHTEST
@@ -36,7 +37,6 @@ from advpipe.stages.evaluate.training_map import MapStatus
 SCORING = (
     *CLOUDS,
     "pipeline/messages/cloud_difference.py",
-    "pipeline/defences",
     "pipeline/results",
     "stages/evaluate/detection",
     "stages/evaluate/options.py",
@@ -106,7 +106,7 @@ def results_origin(
         bootstrap_draws=options.bootstrap_draws,
         seed=options.seed,
         baseline_tries=options.baseline_tries if options.baseline else 0,
-        defences=options.defences,
+        defences=tuple(parse_defences(options.defences)),
         device=device_record(options.device).get("device"),
         adaptation=None if adaptation.is_none else AdaptationRecord(**vars(adaptation)),
     )

@@ -60,6 +60,7 @@ def load_scenes(
             detectors=(detector,),
             seed=settings.seed,
             baseline=False,
+            defences=(),
             frames=FrameSlice(frame, frame + 1),
             lidar_topic=settings.lidar_topic,
             device=device,

@@ -46,6 +46,7 @@ def scored_cell(
             detectors=(detector,),
             seed=settings.seed,
             baseline_tries=settings.baseline_tries,
+            defences=(),
             frames=FrameSlice.parse(settings.frames),
             lidar_topic=settings.lidar_topic,
             lidar_height_m=settings.lidar_height_m,

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.greedy_allocation import queries
@@ -50,6 +51,7 @@ from advpipe.stages.attack.lidar.base import (
     unchanged,
 )
 from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
+from advpipe.stages.attack.lidar.robust_attach import RobustAttachProblem
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -62,11 +64,9 @@ MAX_EPS_M = 5.0
 MAX_POINTS = 100_000
 """About the points of a whole LiDAR cloud; more would not fit into memory."""
 
-INSET_M = {"best": 0.002, "hide": 0.002, "robust": 0.025}
-"""The distance of added points from the faces of their voxel; 1 cm of jitter seldom moves one by 2.5 cm."""
-
-JITTER_M = 0.01
-"""The noise under which the recipe `robust` evaluates its candidates."""
+INSET_M = {"best": 0.002, "hide": 0.002, "robust": 0.05}
+"""The distance of added points from the faces of their voxel, at most 0.45 of its size: a sub-voxel shift
+seldom moves one by 5 cm."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -82,11 +82,11 @@ class Attach(LidarAttack):
         a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
         for a detector without `occupancy_loss`, it searches random places by the detections
         (`subset_search`). "hide" is "best" with the goal to hide: no box that overlaps an object loosely is
-        left. "robust" keeps a distance from the voxels' faces and evaluates under jitter of 1 cm. "paper"
-        shifts copies of the most salient points (`attach_paper`). Random baselines: "random" in balls around
-        any points, "random-near" around those near objects, "random-best" likewise with the selection of
-        "best": the baseline that reports compare the attack with. New points copy the intensity of the point
-        that they start from.
+        left. "robust" keeps a distance from the voxels' faces, and takes gains and objective as means over
+        draws of defences (`expectation`), a pass for each of four. "paper" shifts copies of the most salient
+        points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near" around
+        those near objects, "random-best" likewise with the selection of "best": the baseline that reports
+        compare the attack with. New points copy the intensity of the point that they start from.
     rounds: how often "best" and "hide" rank the places.
     weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
         lambda and gives no value.
@@ -219,16 +219,19 @@ class Attach(LidarAttack):
             random = RandomBest(clean, goal, detector, rules, self.query_budget, rng)
             return random.added(self.points, self.eps_m), ""
         sources = addition_sources(clean, boxes, rules)
-        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
         if isinstance(detector, VoxelDetector):
             grid, inset_m, note = detector.voxel_grid, INSET_M[self.recipe], ""
+            inset_m = min(inset_m, 0.45 * min(grid.size_m))
             places = voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m)
-            problem = AttachProblem(clean, places, objective, rng, jitter_m, decay_m=self.decay_m)
+            problem = AttachProblem(clean, places, objective, rng, decay_m=self.decay_m)
+            if self.recipe == "robust":
+                expected = ExpectedObjective.over(objective, clean, rng)
+                problem = RobustAttachProblem(clean, places, expected, rng, decay_m=self.decay_m)
             best = add_greedily(problem, self.points, self.query_budget)
         else:
             note = NO_OCCUPANCY
             places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
-            best = self._searched_places(clean, places, objective, jitter_m, rng)
+            best = self._searched_places(clean, places, objective, rng)
         if short := self.points - len(best):
             note = join_notes(note, "nothing more to gain: the rest added at random")
             near_m = min(self.eps_m, REST_M)
@@ -243,14 +246,13 @@ class Attach(LidarAttack):
         clean: Float32,
         places: Places,
         objective: AttackObjective,
-        jitter_m: float,
         rng: np.random.Generator,
     ) -> Places:
         """Those of random places that a search by scores finds; far ones are fewer, as `decay_m` says."""
         places = places[rng.random(len(places)) < np.exp(-((places.distance_m / self.decay_m) ** 2))]
         if self.constraints.intensity:
             places = with_drawn_intensities(places, clean, rng)
-        problem = LossAdditionProblem(clean, places, objective, rng, jitter_m)
+        problem = LossAdditionProblem(clean, places, objective, rng)
         return places[SubsetSearch(problem, rng).allocation(self.points, self.query_budget)]
 
     def _random_places(

@@ -9,7 +9,9 @@ import numpy.typing as npt
 import torch
 
 from advpipe.pipeline.adversary.addition_problem import AdditionProblem
+from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.targets import AttackTargets
 from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
@@ -43,10 +45,20 @@ class AttachProblem(AdditionProblem):
 
     def _occupancy_gains(self, detector: VoxelDetector, points: Float32) -> tuple[Detections | None, Float64]:
         """The gradient of the loss with respect to the occupancy of each place's voxel."""
-        goal, probes = self.objective.goal, torch.from_numpy(self.places.points[self._pool])
-        targets = goal.loss_targets
-        computed = detector.occupancy_loss(torch.from_numpy(points), targets.boxes, targets.labels, probes)
-        (gradient,) = gradients_of(computed.loss, computed.occupancy)
-        of_row = np.nan_to_num(goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        mine = computed.rows.cpu().numpy()[len(points) :]
-        return computed.found, np.where(mine >= 0, of_row[mine], 0.0)
+        goal = self.objective.goal
+        return addition_gains(goal, detector, points, self.places.points[self._pool], goal.loss_targets)
+
+
+def addition_gains(
+    goal: AttackGoal, detector: VoxelDetector, points: Float32, probes: Float32, targets: AttackTargets
+) -> tuple[Detections | None, Float64]:
+    """What the detector finds in points (N, 4), where the pass tells; and the gain (G,) of a point at each
+    probe (G, 4), 0 where its voxel is occupied. targets: of the loss, in the frame of these points."""
+    computed = detector.occupancy_loss(
+        torch.from_numpy(points), targets.boxes, targets.labels, torch.from_numpy(probes)
+    )
+    (gradient,) = gradients_of(computed.loss, computed.occupancy)
+    of_row = np.nan_to_num(goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
+    of_row[computed.occupancy.detach().cpu().numpy() > 0] = 0.0
+    mine = computed.rows.cpu().numpy()[len(points) :]
+    return computed.found, np.append(of_row, 0.0)[mine]  # 0 for a probe that the detector ignores

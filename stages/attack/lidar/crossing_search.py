@@ -19,7 +19,6 @@ from advpipe.pipeline.adversary.constraints import Rules
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
-from advpipe.pipeline.adversary.per_object_best import jittered
 from advpipe.pipeline.adversary.random_best import MOVE_MARGIN_M
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
@@ -42,11 +41,10 @@ class CrossingSettings:
     margin_m: points this near to an object may move. landing_m: how far past a face they land.
     momentum: weight of the earlier rounds in a voxel's gain. first_probability, last_probability: of making a
     crossing with a positive gain, in the first and in the last round of a cycle. rounds_per_cycle: each cycle
-    starts from the best points so far. jitter_m: standard deviation of the noise that gradients are taken
-    under. groups: all points of a voxel may leave it together. keep_best: evaluate the candidates
-    and keep the best points of each object. decoys: raise the scores of false detections of the clean cloud.
-    decoy_gradients: take every other gradient for a ground truth of the decoys alone, if any: the focal loss
-    is flat for confident detections and steep for false ones.
+    starts from the best points so far. groups: all points of a voxel may leave it together. keep_best:
+    evaluate the candidates and keep the best points of each object. decoys: raise the scores of false
+    detections of the clean cloud. decoy_gradients: take every other gradient for a ground truth of the decoys
+    alone, if any: the focal loss is flat for confident detections and steep for false ones.
     """
 
     margin_m: float = MOVE_MARGIN_M
@@ -55,7 +53,6 @@ class CrossingSettings:
     first_probability: float = 0.9
     last_probability: float = 0.2
     rounds_per_cycle: int = 12
-    jitter_m: float = 0.0
     groups: bool = True
     keep_best: bool = True
     decoys: bool = True
@@ -145,7 +142,7 @@ class CrossingSearch:
     def _evaluated(self, count: Int64, toward_decoys: bool) -> Candidate:
         """The current points, and the gain of each voxel near the open objects, by one pass."""
         placed, shown = self.placed(self.choice), self.focus.shown
-        points = jittered(placed[shown], self.settings.jitter_m, self.rng)
+        points = placed[shown]
         can_enter = self.focus.is_open[self.owner[self.options.point[self.probe_option]]]
         probe_option = self.probe_option[(count == 0) & can_enter]
         probes = self.points[self.movable[self.options.point[probe_option]]]

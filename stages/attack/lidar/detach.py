@@ -9,6 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.greedy_allocation import queries
@@ -40,12 +41,10 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
 from advpipe.stages.attack.lidar.loss_problems import LossRemovalProblem
+from advpipe.stages.attack.lidar.robust_detach import RobustDetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 
 RECIPES = ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
-
-JITTER_M = 0.01
-"""The noise under which the recipe `robust` evaluates its candidates."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -60,11 +59,11 @@ class Detach(LidarAttack):
     recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
         budget on the objects that are lost with the fewest points; for a detector without `occupancy_loss`,
         it searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide:
-        no box that overlaps an object loosely is left; "robust" does as "best" under jitter of 1 cm,
-        without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
+        no box that overlaps an object loosely is left; "robust" takes gains and objective as means over draws
+        of defences (`expectation`), a pass for each of four; "paper" is the greedy gradient-norm saliency of
         the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the baseline that
-        reports compare the attack with.
+        near objects, "random-best" there with the selection of "best": the baseline that reports compare the
+        attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
     near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
@@ -184,12 +183,14 @@ class Detach(LidarAttack):
             return random.removed(budget), ""
         owner = np.full(len(scene), -1, np.int64)
         owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
-        jitter_m = JITTER_M if self.recipe == "robust" else 0.0
         if isinstance(detector, VoxelDetector):
-            note, problem = "", DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
+            note, problem = "", DetachProblem(xyzi(scene), owner, objective, rng)
+            if self.recipe == "robust":
+                expected = ExpectedObjective.over(objective, xyzi(scene), rng)
+                problem = RobustDetachProblem(xyzi(scene), owner, expected, rng)
             chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         else:
-            note, plain = NO_OCCUPANCY, LossRemovalProblem(xyzi(scene), owner, objective, rng, jitter_m)
+            note, plain = NO_OCCUPANCY, LossRemovalProblem(xyzi(scene), owner, objective, rng)
             found = SubsetSearch(plain, rng).allocation(budget, self.query_budget)
             chosen, short = with_random_rest(found, allowed, budget, rng)
         return chosen, join_notes("nothing more to gain: the rest removed at random" if short else "", note)

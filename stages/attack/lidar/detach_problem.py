@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.removal_problem import RemovalProblem
+from advpipe.pipeline.adversary.targets import AttackTargets
 from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 
 Float32 = npt.NDArray[np.float32]
@@ -36,12 +38,19 @@ class DetachProblem(RemovalProblem):
         if not (will_propose and isinstance(detector, VoxelDetector)):
             return super().detected(points, left, will_propose)
         self._gain[:] = 0
-        targets = goal.loss_targets
-        computed = detector.occupancy_loss(torch.from_numpy(points), targets.boxes, targets.labels)
-        (gradient,) = gradients_of(computed.loss, computed.occupancy)
-        of_voxel = np.nan_to_num(-goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
-        row = computed.rows.cpu().numpy()
-        count = np.bincount(row[row >= 0], minlength=len(of_voxel))
-        self._gain[left] = np.where(row >= 0, (of_voxel / np.maximum(count, 1))[row], 0.0)
-        self._group[left] = np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))
-        return super().detected(points, left, will_propose) if computed.found is None else computed.found
+        found, self._gain[left], self._group[left] = removal_gains(goal, detector, points, goal.loss_targets)
+        return super().detected(points, left, will_propose) if found is None else found
+
+
+def removal_gains(
+    goal: AttackGoal, detector: VoxelDetector, points: Float32, targets: AttackTargets
+) -> tuple[Detections | None, Float64, Int64]:
+    """What the detector finds in points (N, 4), where the pass tells; the gain (N,) of removing each point,
+    its share of its voxel's, and its voxel (N,). targets: of the loss, in the frame of these points."""
+    computed = detector.occupancy_loss(torch.from_numpy(points), targets.boxes, targets.labels)
+    (gradient,) = gradients_of(computed.loss, computed.occupancy)
+    of_voxel = np.nan_to_num(-goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
+    row = computed.rows.cpu().numpy()
+    count = np.bincount(row[row >= 0], minlength=len(of_voxel))
+    gain = np.append(of_voxel / np.maximum(count, 1), 0.0)[row]  # 0 for a point that the detector ignores
+    return computed.found, gain, np.where(row >= 0, row, len(of_voxel) + np.arange(len(row)))

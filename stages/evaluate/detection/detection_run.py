@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, count_frames, find_lidar_topic
 from advpipe.pipeline.bag.provenance_record import Provenance
@@ -15,7 +16,6 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.jobs import map_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, user_class
-from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
 from advpipe.pipeline.detector.adapted import adapted_detector, detector_for_cloud
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector, VoxelGrid
@@ -25,13 +25,14 @@ from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_difference
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
+from advpipe.pipeline.results.row import RANDOM_BEST
 from advpipe.stages.evaluate.detection.baseline import RandomBaselines, attack_query_budget
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
     Comparison,
     FrameResult,
-    under,
 )
+from advpipe.stages.evaluate.detection.defence_run import DefenceRun, evenly_spread
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 from advpipe.stages.evaluate.detection.pairing import pair_frames
@@ -110,6 +111,25 @@ class DetectionRun:
         attacked = {provenance.get("frames") for provenance in self.adversarial.values()}
         return FrameSlice.parse(name) if len(attacked) == 1 and (name := attacked.pop()) else ALL_FRAMES
 
+    @property
+    def _defence_run(self) -> DefenceRun:
+        return DefenceRun(self.options.defences, self.options.seed)
+
+    def _defended_frames(self) -> list[frozenset[int]]:
+        """The frames of each adversarial bag that defences are scored on, or of the clean bag alone.
+
+        A frame of a bag has its clean cloud's log time; where no time agrees, any frame may be the bag's.
+        """
+        topic = self.options.lidar_topic
+        indices = self._frames_to_read.indices(count_frames(self.clean, topic))
+        times_ns = _log_times_ns(self.clean, topic)
+        chosen = []
+        for bag in self.adversarial or (self.clean,):
+            held = np.isin(times_ns, _log_times_ns(bag, topic))
+            frames = [index for index in indices if held[index]] or indices
+            chosen.append(evenly_spread(frames, self.options.most_defended(len(frames))))
+        return chosen
+
     def prepare(self) -> Callable[[int], list[FrameResult | None]]:
         """What one process does: score a frame, by its index in the clean bag, of every adversarial bag.
 
@@ -123,6 +143,7 @@ class DetectionRun:
         frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
         pairs = pair_frames(self.clean, tuple(self.adversarial), frames, lidar_topic, is_part=is_part)
         last = frames.indices(count_frames(self.clean, lidar_topic))[-1]
+        defended_frames = self._defended_frames()
 
         def score_frame(index: int) -> list[FrameResult | None]:
             # Read the clean frame and its adversarial versions.
@@ -135,19 +156,25 @@ class DetectionRun:
             truth = ground_truth(frame, detector.classes, detector.range_m, occlusion.at(frame.stamp_ns))
             with fixed_torch_threads():
                 found = _cloud_result(detector, truth, frame.cloud, frame.cloud)
-                defended = self._defended(detector, truth, "clean", frame.index, frame.cloud)
-                known, note = detector_for_cloud(loaded, adaptation, xyz(frame.cloud), loaded)
-                clean = FrameResult(
-                    frame.index, -1, frame.stamp_ns, truth, found, defended=defended, note=note
+                in_bag = [index in chosen for chosen in defended_frames]
+                under_defences = self._defence_run.results(
+                    detector, truth, index, {"clean": frame.cloud} if any(in_bag) else {}
                 )
+                known, note = detector_for_cloud(loaded, adaptation, xyz(frame.cloud), loaded)
+                clean = FrameResult(frame.index, -1, frame.stamp_ns, truth, found, note=note)
+                defended = replace(clean, defended=under_defences)
                 if not self.adversarial:
-                    return [clean]
+                    return [defended]
                 # What it finds in each adversarial cloud, and in clouds changed randomly as much.
                 return [
-                    self._attacked((detector, known), clean, frame.cloud, version, provenance)
+                    self._attacked(
+                        (detector, known), defended if here else clean, frame.cloud, version, provenance
+                    )
                     if version
                     else None
-                    for version, provenance in zip(versions, self.adversarial.values(), strict=True)
+                    for here, version, provenance in zip(
+                        in_bag, versions, self.adversarial.values(), strict=True
+                    )
                 ]
 
         return score_frame
@@ -162,23 +189,25 @@ class DetectionRun:
     ) -> FrameResult:
         """The result of a frame with an adversarial version of it and the random baselines.
 
+        Where the clean cloud was scored under defences, so are the attacked one and that of random-best.
         victims: the detector as it is scored, and as an attack knows it, in the clean cloud's frame.
         """
         detector, known = victims
         truth, grid = clean.truth, known.voxel_grid if isinstance(known, VoxelDetector) else None
         result_of = partial(_cloud_result, detector, truth, clean_cloud, grid=grid)
         change = cloud_difference(clean_cloud, version.cloud)
-        baselines = {}
+        baselines, compared = {}, {"adv": version.cloud}
         if n_tries := self._baseline_tries(provenance):
             spent = SpentBudget.of(clean_cloud, version.cloud, change, provenance.parameters)
             random = RandomBaselines(provenance, known, n_tries, self.options.seed)
             evaluated = truth.boxes.geometry[truth.is_evaluated]
             with plugin_errors(user_class(known)):
-                clouds = list(random.clouds(clean_cloud, truth.boxes, evaluated, spent, clean.index))
+                clouds = dict(random.clouds(clean_cloud, truth.boxes, evaluated, spent, clean.index))
+            compared[RANDOM_BEST] = clouds[RANDOM_BEST]
             baselines = {
-                name: result_of(cloud, cloud_difference(clean_cloud, cloud)) for name, cloud in clouds
+                name: result_of(cloud, cloud_difference(clean_cloud, cloud)) for name, cloud in clouds.items()
             }
-        defended = self._defended(detector, truth, "adv", clean.index, version.cloud)
+        defended = self._defence_run.results(detector, truth, clean.index, compared if clean.defended else {})
         return replace(
             clean,
             adversarial_index=version.index,
@@ -187,22 +216,11 @@ class DetectionRun:
             defended={**clean.defended, **defended},
         )
 
-    def _defended(
-        self, detector: CachedDetector, truth: Truth, condition: str, index: int, cloud: Cloud
-    ) -> dict[str, CloudResult]:
-        """A cloud under every defence, which draws the same for each cloud of a frame."""
-        results = {}
-        for name, defence in parse_defences(self.options.defences).items():
-            rng = named_generator(self.options.seed, "evaluate", "defence", name, index)
-            defended = defence(cloud, rng)
-            found = detector.detect(defended.cloud, defended.placement)
-            results[under(condition, name)] = CloudResult(
-                found,
-                match(truth, found, detector.classes),
-                count_points(xyz(cloud), found.boxes),
-                len(defended.cloud),
-            )
-        return results
+
+def _log_times_ns(bag: Path, lidar_topic: str | None) -> npt.NDArray[np.int64]:
+    """When each cloud of a bag was logged (F,), from the bag's index."""
+    reader = BagReader(bag)
+    return reader.log_times_ns(find_lidar_topic(reader, lidar_topic))
 
 
 def _cloud_result(

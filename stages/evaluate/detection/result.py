@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
-from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S
-from advpipe.pipeline.results.metrics import BaselineMetrics, CloudMetrics
+from advpipe.pipeline.metrics.bootstrap import MIN_BLOCK_S, BlockBootstrap
+from advpipe.pipeline.results.metrics import BaselineMetrics, CloudMetrics, Interval
 from advpipe.pipeline.results.row import RANDOM_BEST, AttackRecord, FrameCounts, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_names, baseline_title
 from advpipe.stages.evaluate.detection.comparison import Comparison
@@ -101,8 +101,13 @@ def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
         metrics=_metrics(scored, condition),
         map_ratio_delta_points=points,
         map_ratio_delta_points_ci95=bounds,
-        is_significant=bounds[1] < 0 if bounds and scored.bootstrap.n_blocks >= MIN_BLOCKS else None,
+        is_significant=is_below_0(bounds, scored.bootstrap),
     )
+
+
+def is_below_0(bounds: Interval, bootstrap: BlockBootstrap) -> bool | None:
+    """Whether an interval lies below 0; None without one, and with fewer than `MIN_BLOCKS` blocks."""
+    return bounds[1] < 0 if bounds and bootstrap.n_blocks >= MIN_BLOCKS else None
 
 
 def _notes(

@@ -26,9 +26,3 @@ class Scored:
     bootstrap: BlockBootstrap
     min_score: float
     per_frame: tuple[FrameRow, ...]
-
-    def matches_under(self, condition: str) -> ConditionMatches:
-        """The matches under a condition that is not in `by_condition`, such as under a defence."""
-        return ConditionMatches.of(
-            self.comparison.frames, condition, self.classes, self.in_map, self.bootstrap
-        )

@@ -39,9 +39,9 @@ class Summary:
     result: its row of a report. per_frame: its rows of `frames.parquet`.
     min_score: the working point for counts and pictures: the best F1 on the clean clouds.
     precisions: average precisions by condition. curves: by condition, criterion and class, recall and
-    precision (G,) from the highest score down. defended: a record for each defence. success: a record for
-    each condition, class and range. effects: a record for each condition, over all frames and over the
-    attacked ones.
+    precision (G,) from the highest score down. defended: a record for each defence, if any after one
+    without. success: a record for each condition, class and range. effects: a record for each condition,
+    over all frames and over the attacked ones.
     """
 
     comparison: Comparison
@@ -108,7 +108,7 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
             for condition, evaluated in by_condition.items()
             for (criterion, name), ranked in evaluated.ranked.items()
         },
-        tuple(defence_records(scored, result)),
+        tuple(defence_records(scored, result, bootstrap_of)),
         tuple(success_records(scored, result, conditions[1:])),
         tuple(effect_records(scored, result, conditions[1:], bootstrap_of)),
     )

@@ -1,4 +1,4 @@
-"""Sections about attacked clouds: baselines, lost objects, displacements, the recount, defences."""
+"""Sections about attacked clouds: baselines, lost objects, displacements, the recount."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.clean import of_first_detector
+from advpipe.stages.evaluate.report.defences import defences_section
 from advpipe.stages.evaluate.report.effects import effects_section
 from advpipe.stages.evaluate.report.numbers import (
+    ANSWER,
     NOTHING,
     formatted_number,
     formatted_ratio,
@@ -28,8 +30,6 @@ from advpipe.stages.evaluate.report.section import ReportSection, Table
 from advpipe.stages.evaluate.report.transfer import transfer_section
 from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, TO_BEAT
 
-ANSWER = {True: "yes", False: "no", None: NOTHING}
-
 
 def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
     """The sections that have content."""
@@ -42,7 +42,7 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
         yield change_section(of_first_detector(attacked))
         yield recount_section(attacked)
     if any(summary.defended for summary in summaries):
-        yield defences_section(summaries)
+        yield defences_section(summaries, title_of)
     yield from transfer_section(attacked)
 
 
@@ -235,51 +235,6 @@ def recount_section(summaries: Sequence[Summary]) -> ReportSection:
         "no longer count, and others may count instead. The mAP ratio is at strict overlap; lost objects, "
         "and attack success, their share of the objects found, are at loose overlap and the working score.",
         (Table("Objects of the clean clouds, and recounted on the attacked ones", heads, tuple(lines)),),
-    )
-
-
-def defences_section(summaries: Sequence[Summary]) -> ReportSection:
-    heads = (
-        "attack", "defence", "mAP clean", "kept %", "mAP attacked", "ratio %", "95 %", "% of clean",
-    )  # fmt: skip
-    lines = []
-    for summary in summaries:
-        clean, attacked = summary.result.clean.means["strict"].map_r40, summary.result.attacked
-        counts = summary.result.counts
-        lines.append(
-            (
-                title_of(summary, summaries),
-                "none",
-                formatted_number(clean, 3),
-                formatted_ratio(100.0, clean, 1),
-                formatted_number(attacked and attacked.map_adv, 3),
-                formatted_ratio(attacked and attacked.map_ratio_percent, clean),
-                interval_cell(attacked.map_ratio_ci95, counts) if attacked else NOTHING,
-                formatted_ratio(attacked and attacked.map_ratio_percent, clean),
-            )
-        )
-        for each in summary.defended:
-            lines.append(
-                (
-                    "",
-                    each.defence,
-                    formatted_number(each.map_clean, 3),
-                    formatted_ratio(each.clean_map_kept_percent, clean, 1),
-                    formatted_number(each.attacked and each.attacked.map_adv, 3),
-                    formatted_ratio(each.attacked and each.attacked.map_ratio_percent, each.map_clean),
-                    interval_cell(each.attacked.map_ratio_ci95, counts) if each.attacked else NOTHING,
-                    formatted_ratio(each.attacked and each.attacked.map_adv_percent, clean),
-                )
-            )
-    return ReportSection(
-        "defences",
-        "Under defences",
-        "Each defence changes every cloud, clean and attacked, before the detector sees it; no attack "
-        "takes it into account. Kept: mAP on clean clouds under the defence, in percent of the mAP without "
-        "it. Ratio: mAP on attacked clouds in percent of that on clean clouds, both under the defence. Last "
-        "column: mAP on attacked clouds under the defence, in percent of that on clean clouds without it.",
-        (Table("Each attack under each defence", heads, tuple(lines)),),
-        records=tuple(each for summary in summaries for each in summary.defended),
     )
 
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.metrics import Interval
+from advpipe.pipeline.results.records import DefenceRecord
 from advpipe.pipeline.results.row import FrameCounts
 from advpipe.stages.evaluate.detection.result import MIN_BLOCKS
 
 NOTHING = "–"
+
+ANSWER = {True: "yes", False: "no", None: NOTHING}
+"""Whether an attack is significantly stronger."""
 
 UNDEFINED_RATIO = "undefined: nothing found on the clean bag"
 """Stands for a ratio to a clean mAP of 0."""
@@ -60,14 +64,14 @@ def interval_of_blocks(bounds: Interval, blocks: int) -> Interval:
     return bounds if blocks >= MIN_BLOCKS else None
 
 
-def interval_cell(bounds: Interval, counts: FrameCounts, digits: int = 1) -> str:
+def interval_cell(bounds: Interval, counts: FrameCounts | DefenceRecord, digits: int = 1) -> str:
     """Such as `40.1…52.3`; where tables show none, `no interval: 20 frames`."""
     if counts.blocks < MIN_BLOCKS:
         return no_interval(counts)
     return interval(bounds, digits)
 
 
-def no_interval(counts: FrameCounts) -> str:
+def no_interval(counts: FrameCounts | DefenceRecord) -> str:
     """What stands in place of intervals where the frames fill too few blocks for one."""
     return f"{NO_INTERVAL}: {counted(counts.frames, 'frame')}"
 

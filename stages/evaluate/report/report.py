@@ -111,7 +111,7 @@ DEFINITIONS = (
         "under a defence, clean and attacked clouds are changed before the detector sees them, by the "
         "same draws; objects are those of the clean clouds as recorded, and boxes are transformed back to "
         "their frame",
-        ("defence", "clean_map_kept_percent", "map_adv_percent"),
+        ("defence", "clean_map_kept_percent", "map_adv_percent", "map_ratio_delta_points_vs_random_best"),
         title="Defences",
     ),
     Formula(

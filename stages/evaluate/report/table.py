@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from advpipe.pipeline.core.text import counted
-from advpipe.pipeline.results.records import DefenceRecord, SuccessRecord
+from advpipe.pipeline.results.records import SuccessRecord
 from advpipe.pipeline.results.row import PLAIN_BASELINE, ResultRow
 from advpipe.stages.evaluate.detection.baseline import baseline_title
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
@@ -69,18 +69,6 @@ def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
     }
 
 
-def defended_cells(row: ResultRow, defended: DefenceRecord) -> dict[str, str]:
-    """The line of an attack under a defence."""
-    attacked = defended.attacked
-    return dict.fromkeys(COLUMNS, NOTHING) | {
-        "attack": f"  under {defended.defence}",
-        "mAP": formatted_number(attacked and attacked.map_adv, 3),
-        "ratio %": formatted_ratio(attacked and attacked.map_ratio_percent, defended.map_clean),
-        "95 %": interval_cell(attacked.map_ratio_ci95, row.counts) if attacked else NOTHING,
-        "car AP": formatted_number(attacked and attacked.precisions.ap.get(CAR), 3),
-    }
-
-
 def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
     """The line of the clean clouds."""
     mean_ap = row.clean.means["strict"].map_r40
@@ -93,7 +81,7 @@ def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
 
 
 def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
-    """The table's lines: the clean clouds where their figures change, each attack, baselines, defences.
+    """The table's lines: the clean clouds where their figures change, each attack, its baselines.
 
     Of the baselines a short table has one draw anywhere and the one to beat.
     """
@@ -110,11 +98,6 @@ def lines(report: Report, is_short: bool = False) -> list[dict[str, str]]:
         names = list(row.baselines)
         shown = [name for name in names if not is_short or name in (PLAIN_BASELINE, row.strongest_baseline)]
         table += [cells(row, name) for name in shown]
-        table += [
-            defended_cells(row, each)
-            for each in report.listed(DefenceRecord)
-            if (each.bag, each.detector) == (row.bag, row.detector)
-        ]
     return table
 
 

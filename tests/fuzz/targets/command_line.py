@@ -90,6 +90,7 @@ OPTIONS = (
         "--quick",
         "--overwrite",
         "--defence",
+        "--defence-frames",
         "--baseline-tries",
         "--steps",
         "--learning-rate",

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.defences.registry import DEFENCES, parse_defences
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, xyz
@@ -172,3 +172,16 @@ def test_a_defence_of_the_users_own(tmp_path, monkeypatch):
     (too_many,) = parse_defences(["own_defence:Keep:100"]).values()
     with pytest.raises(AdvpipeError, match=r"failed: TypeError: returned ndarray instead of a DefendedCloud"):
         too_many(points, rng)
+
+
+def test_words_for_several():
+    default, every = parse_defences(["default"]), parse_defences(["all"])
+    assert list(default) == list(every)[:-1]
+    assert list(every)[-1] == "scale:factor=1.025"
+    assert len(every) == len(DEFENCES)
+    assert parse_defences(["none"]) == {}
+    assert list(parse_defences(["default", "jitter:0.02"]))[-1] == "jitter:sigma_m=0.02"
+    with pytest.raises(UsageError, match="defence none stands alone; leave out the others or it"):
+        parse_defences(["none", "flip"])
+    with pytest.raises(UsageError, match="defence flip is given twice"):
+        parse_defences(["default", "flip"])

@@ -36,9 +36,11 @@ def test_recipe_paper_is_said_to_hold_its_points():
         assert not [text for text in sweep_caveats([other]) if "λ" in text]
 
 
-def test_robust_is_said_to_bring_nothing_sure():
-    assert NOT_SURE in sweep_caveats([cell("detach-1", 50.0, recipe="robust")])
-    assert NOT_SURE not in sweep_caveats([cell("detach-1", 50.0)])  # of a detector that was not measured
+def test_the_measured_robust_is_said_to_be_the_earlier_one():
+    made = cell("detach-1", 50.0, recipe="robust")
+    assert NOT_SURE not in sweep_caveats([made])  # of a detector that was not measured
+    measured = replace(made, settings=replace(made.settings, detector_sha256=detector_sha256("small")))
+    assert NOT_SURE in sweep_caveats([measured])
 
 
 def test_random_best_is_named_and_where_it_was_measured_so_are_its_figures():

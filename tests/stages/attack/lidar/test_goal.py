@@ -98,16 +98,6 @@ def test_every_other_gradient_is_that_of_a_false_loss(scene, monkeypatch):
     assert loss_targets == [1, *(1, 0, 1, 0), 1]  # before, rounds, after
 
 
-def test_robust_moves_points_where_the_reach_is_shorter_than_its_landing(scene):
-    attack = Perturb(eps_cm=2, recipe="robust")
-    attack.settings = type(attack.settings)(
-        landing_m=attack.settings.landing_m, jitter_m=0.01, keep_best=False
-    )
-    result = attack(*scene, rng())
-    assert len(result.labels) > 0
-    assert result.loss_after > result.loss_before
-
-
 def test_hiding_asks_for_no_box_at_all(make_boxes, make_detector):
     """Of two boxes over one car, a tight and a loose one: to break one is not to hide it."""
     truth, off = [4.0, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0], [4.9, 5.0, 5.0, 6.0, 6.0, 6.0, 0.0]
