@@ -259,7 +259,7 @@ def _detection(config: DetectorConfig, parameters: CatchParameters, bag: Path, a
 def _print_attacks(found: dict[str, Detection]) -> tuple[float, float]:
     """Print the table; return the mean F1 of our detector and of the baseline over attacks with false
     messages."""
-    names = ("precision", "recall", "F1", "MCC", "latency s")
+    names = ("precision", "recall", "F1", "MCC", "latency s", "innocent flagged %")
     heads = (
         "attack",
         "false messages",
@@ -286,6 +286,7 @@ def _print_attacks(found: dict[str, Detection]) -> tuple[float, float]:
 
 def _cells(found: Scores) -> Iterable[str]:
     values = (found.precision, found.recall, found.f1, found.mcc, found.latency_s)
+    values = (*values, 100 * found.innocent_false_positive_rate)
     return (_cell(value) for value in values)
 
 

@@ -92,6 +92,26 @@ def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
         assert each.true_positives + each.false_positives + each.true_negatives == len(claims) - 1
 
 
+def test_the_true_messages_of_attackers_are_not_those_of_innocent_stations(smoke: Path) -> None:
+    """Of the messages of an attacker, one is false; of a station whose GPS is spoofed, all are innocent."""
+    (ego,) = read_receptions(BagReader(smoke))
+    of_station: dict[int, list[int]] = {}
+    for one in ego.received:
+        assert one.number is not None
+        of_station.setdefault(one.station_id, []).append(one.number)
+    (attacker, own), (victim, theirs) = list(of_station.items())[:2]
+    labels = [
+        MessageLabel(own[0], "cam-dos", "car", "added", True, 0, attacker),
+        MessageLabel(theirs[0], "gnss-bias", "", "changed", False, 0, victim),
+    ]
+    found = detect([ego], labels)
+    assert len(own) > 1
+    assert found.false_messages == 1
+    for each in (found.ours, found.baseline):
+        assert each.innocent == len(ego.received) - len(own)
+        assert each.false_positives + each.true_negatives == each.innocent + len(own) - 1
+
+
 def test_each_attack_is_scored_without_the_false_messages_of_others(offset: Path) -> None:
     """A spoofed GPS in the same bag: one liar's messages are said to be its."""
     receptions, labels = read_receptions(BagReader(offset)), read_labels(offset)
