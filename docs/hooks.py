@@ -110,6 +110,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
         "details": details,
         "figures": figures,
         "keys": keys,
+        "presets": presets,
     }
     return re.sub(rf"<!-- ({'|'.join(kinds)}): (\w+) -->", lambda it: kinds[it[1]](it[2]), markdown)
 
@@ -140,6 +141,21 @@ def details(family: str) -> str:
         for name, kind in _attacks(family).items()
     ]
     return "\n\n".join(texts)
+
+
+def presets(family: str) -> str:
+    """The attacks of a family with presets, and how each differs from our default."""
+    rows = [
+        (
+            _link(name),
+            f"`{preset}`",
+            _code([f"{key}={value}" for key, value in found.parameters.items()]),
+            _escaped(found.remark) or "the same as our default",
+        )
+        for name, kind in _attacks(family).items()
+        for preset, found in vars(kind).get("presets", {}).items()
+    ]
+    return _table(("attack", "preset", "parameters", "what differs from our default, and why"), rows)
 
 
 def figures(section: str) -> str:

@@ -35,7 +35,7 @@ MAX_GHOSTS = 1000
 
 
 class SybilGrid(GhostAttack):
-    """Ghost vehicles on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, lanes 2 m apart.
+    """Ghost vehicles on a grid that moves with a vehicle, 5 m apart, lanes 2 m apart.
 
     around: each "attacker", or the "victim", whose cells the attackers take in turns, so that no two ghost
     vehicles share a cell. Cells nearest to the vehicle come first, ahead before behind, left before right.
@@ -170,7 +170,10 @@ class SybilCongestion(CrawlingGhosts):
     """
 
     traits = V2xTraits(
-        every_message_matters=True, needs_traffic=False, published=Published(nextgen=13, catch_f1=0.259)
+        every_message_matters=True,
+        needs_traffic=False,
+        published=Published(nextgen=13, catch_f1=0.259),
+        published_of={"preset": "nextgen"},
     )
 
     def __init__(

@@ -156,13 +156,22 @@ def test_parts_of_a_mix_have_lines_of_their_own(offset: Path, tmp_path: Path) ->
     [
         ({"type": "cam-speed-constant", "parameters": {"speed_mps": 0}}, {"cam-speed-constant": 0.907}),
         ({"type": "cam-speed-constant"}, {}),
-        ({"type": "cam-delay"}, {"cam-delay": 0.062}),
+        ({"type": "cam-delay"}, {}),
+        ({"type": "cam-delay", "parameters": {"preset": "nextgen"}}, {"cam-delay": 0.062}),
+        ({"type": "cam-dos", "parameters": {"preset": "nextgen"}}, {"cam-dos": 0.353}),
+        ({"type": "cam-dos", "parameters": {"preset": "f2md"}}, {}),
         ({"type": "gnss-bias"}, {}),
-        ({"type": "cam-mix", "parameters": {"attacks": "cam-drop,cam-dos"}}, {"cam-dos": 0.353}),
+        (
+            {"type": "cam-mix", "parameters": {"attacks": "cam-drop,cam-speed-offset"}},
+            {"cam-speed-offset": 0.637},
+        ),
     ],
 )
 def test_published_figures(keys: dict[str, Any], published: dict[str, float]) -> None:
-    """Of constant speeds, that of zero. A bag of a version that did not declare them tells none."""
+    """Of constant speeds, that of zero; of others that differ from ours, that of the preset.
+
+    A bag of a version that did not declare them tells none.
+    """
     attacks = AttackRequest((AttackSpec(**keys),)).resolved()
     assert published_f1(Provenance({"attacks": json.dumps(attacks)})) == published
     del attacks[0]["declared"]
