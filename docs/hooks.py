@@ -144,18 +144,20 @@ def details(family: str) -> str:
 
 
 def presets(family: str) -> str:
-    """The attacks of a family with presets, and how each differs from our default."""
+    """The attacks of a family with presets: what each does, and how it differs from our default."""
     rows = [
-        (
-            _link(name),
-            f"`{preset}`",
-            _code([f"{key}={value}" for key, value in found.parameters.items()]),
-            _escaped(found.remark) or "the same as our default",
-        )
+        (_link(name), f"`{preset}`", _done_by(found), _escaped(found.remark) or "nothing")
         for name, kind in _attacks(family).items()
         for preset, found in vars(kind).get("presets", {}).items()
     ]
-    return _table(("attack", "preset", "parameters", "what differs from our default, and why"), rows)
+    return _table(("attack", "preset", "what it does", "what differs from our default, and why"), rows)
+
+
+def _done_by(preset: Any) -> str:
+    """What a preset does: the parameters of the attack itself, or what another class says."""
+    if preset.attack_class is not None:
+        return _summary(preset.attack_class)
+    return _code([f"{name}={value}" for name, value in preset.parameters.items()]) or "what our default does"
 
 
 def figures(section: str) -> str:
