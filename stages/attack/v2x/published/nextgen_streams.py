@@ -86,9 +86,13 @@ class NextgenCongestion(V2xAttack):
 
     def _ghost(self, at_ns: int, own: Sent, index: int) -> Sent | None:
         tree = self.context.cams.open(own.payload)
+        if tree is None:
+            return None
         names = ("latitude_deg", "longitude_deg", "heading_rad", "speed_mps")
-        values = [None if tree is None else field_of(tree, name) for name in names]
-        if tree is None or any(value is None or not np.isfinite(value) for value in values):
+        values: list[float] = [
+            math.nan if (found := field_of(tree, name)) is None else found for name in names
+        ]
+        if not np.isfinite(values).all():
             return None
         latitude_deg, longitude_deg, heading_rad, speed_mps = values
         rng = self._rngs[own.station_id]
