@@ -30,7 +30,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import v2x as bag_v2x
 from advpipe.pipeline.scenario import Scenario, load_scenario
-from advpipe.pipeline.v2x import air as air_module
+from advpipe.pipeline.v2x import channel as channel_module
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities import generation
@@ -50,9 +50,9 @@ STEP_NS = 100_000_000
 
 CODEC = (
     (generation, "encode_cam"),
-    (air_module, "decode"),
-    (air_module, "core_of_tree"),
-    (bag_v2x, "decode"),
+    (channel_module, "decode_cam_tree"),
+    (channel_module, "core_of_tree"),
+    (bag_v2x, "decode_cam_tree"),
     (bag_v2x, "cam_cdr"),
     (bag_v2x, "udp_packet_cdr"),
     (recorder, "sent_message"),

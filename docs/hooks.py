@@ -110,6 +110,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
         "details": details,
         "figures": figures,
         "keys": keys,
+        "presets": presets,
     }
     return re.sub(rf"<!-- ({'|'.join(kinds)}): (\w+) -->", lambda it: kinds[it[1]](it[2]), markdown)
 
@@ -140,6 +141,23 @@ def details(family: str) -> str:
         for name, kind in _attacks(family).items()
     ]
     return "\n\n".join(texts)
+
+
+def presets(family: str) -> str:
+    """The attacks of a family with presets: what each does, and how it differs from our default."""
+    rows = [
+        (_link(name), f"`{preset}`", _done_by(found), _escaped(found.remark) or "nothing")
+        for name, kind in _attacks(family).items()
+        for preset, found in vars(kind).get("presets", {}).items()
+    ]
+    return _table(("attack", "preset", "what it does", "what differs from our default, and why"), rows)
+
+
+def _done_by(preset: Any) -> str:
+    """What a preset does: the parameters of the attack itself, or what another class says."""
+    if preset.attack_class is not None:
+        return _summary(preset.attack_class)
+    return _code([f"{name}={value}" for name, value in preset.parameters.items()]) or "what our default does"
 
 
 def figures(section: str) -> str:

@@ -43,12 +43,14 @@ class Terms(Document):
 
     bounds: kept in each cloud, fix or message that it changes. every_message_matters: whether all messages of
     its attackers are false whatever their contents: from stations that do not exist or are impersonated, or
-    superfluous. untrue: the claims that it falsifies in its attackers' own messages (`claims.Claim`); all
-    other fields of a message that it changes or delays stay as they are.
+    superfluous. labelled_as_published: whether labels follow the published code of a data set instead of the
+    rule of `pipeline/v2x/facilities/effect.py`. untrue: the claims that it falsifies in its attackers' own
+    messages (`claims.Claim`); all other fields of a message that it changes or delays stay as they are.
     """
 
     bounds: Bounds = Field(default_factory=dict)
     every_message_matters: bool = False
+    labelled_as_published: bool = False
     untrue: Annotated[tuple[ShortText, ...], Field(max_length=_MOST_BOUNDS)] = ()
     published: Published = Published()
 

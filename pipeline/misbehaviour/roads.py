@@ -29,6 +29,18 @@ class RoadMap:
         self._yaw_rad = np.arctan2(along[:, 1], along[:, 0])
         self._half_m = widths_m / 2
 
+    @property
+    def widths_m(self) -> Float64:
+        """Of the lanes of the segments (L,)."""
+        return self._half_m * 2
+
+    def middle_distance_m(self, place_m: tuple[float, float]) -> float:
+        """How far a place is from the centre line of any lane; infinite without any."""
+        if len(self._lines) == 0 or not np.isfinite(place_m).all():
+            return np.inf
+        point = shapely.points(*place_m)
+        return float(shapely.distance(point, self._lines[self._tree.nearest(point)]))
+
     def measure(self, places: Sequence[tuple[float, float, float]]) -> tuple[Float64, Float64]:
         """How far (P,) poses x, y, yaw are from any lane [m], and turned from the nearby lanes [rad].
 

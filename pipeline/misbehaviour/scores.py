@@ -16,7 +16,9 @@ class Scores:
     """The confusion matrix of messages, and how soon attackers are detected.
 
     latency_s: from an attacker's first false message at a receiver to its first flagged one, the mean
-    over the detected attackers; caught: the share of attackers with any flagged false message.
+    over the detected attackers; caught: the share of attackers with any flagged false message. innocent: the
+    messages of stations that do not attack; innocent_flagged: those of them that are flagged. The other false
+    positives are true messages of attackers.
     """
 
     true_positives: int
@@ -25,6 +27,8 @@ class Scores:
     false_negatives: int
     latency_s: float = math.nan
     caught: float = math.nan
+    innocent: int = 0
+    innocent_flagged: int = 0
 
     @property
     def precision(self) -> float:
@@ -56,16 +60,23 @@ class Scores:
         """FP / (FP + TN)."""
         return _ratio(self.false_positives, self.false_positives + self.true_negatives)
 
+    @property
+    def innocent_false_positive_rate(self) -> float:
+        """The share of the messages of stations that do not attack that are flagged."""
+        return _ratio(self.innocent_flagged, self.innocent)
+
 
 def scores(
     flagged: Bools,
     is_false: Bools,
     senders: npt.NDArray[np.int64] | None = None,
     times_s: npt.NDArray[np.float64] | None = None,
+    is_attackers: Bools | None = None,
 ) -> Scores:
     """Score M messages from flags and truth (M,); for the latency, from true senders and times (M,) too.
 
-    senders: a number for each pair of receiver and sender.
+    senders: a number for each pair of receiver and sender. is_attackers: (M,), whether a station that attacks
+    sent the message, true or false; by default nobody attacks but who sends false messages.
     """
     counts = (
         int((flagged & is_false).sum()),
@@ -73,8 +84,10 @@ def scores(
         int((~flagged & ~is_false).sum()),
         int((~flagged & is_false).sum()),
     )
+    innocent = ~is_false if is_attackers is None else ~is_false & ~is_attackers
+    innocents = int(innocent.sum()), int((flagged & innocent).sum())
     if senders is None or times_s is None or not is_false.any():
-        return Scores(*counts)
+        return Scores(*counts, math.nan, math.nan, *innocents)
     delays_s, attackers = [], np.unique(senders[is_false])
     for attacker in attackers.tolist():
         own = is_false & (senders == attacker)
@@ -82,7 +95,7 @@ def scores(
         if caught.any():
             delays_s.append(float(times_s[caught].min() - times_s[own].min()))
     latency_s = float(np.mean(delays_s)) if delays_s else math.nan
-    return Scores(*counts, latency_s, len(delays_s) / len(attackers))
+    return Scores(*counts, latency_s, len(delays_s) / len(attackers), *innocents)
 
 
 def _ratio(part: int, whole: int) -> float:

@@ -38,7 +38,8 @@ class LocalisationRecord(Listed):
     detection_rate: of attacked fixes, the share that fails the innovation test; NaN where all were lost.
     stealth_rate: the share that passes it. false_alarm_rate: of the clean bag's fixes, the share that fails
     it; echo_rate: of genuine fixes after the first attacked one. delay_s: from the first attacked fix to the
-    first one that fails; NaN where none does. success_rate: share of the span in which the estimate is
+    first one that fails; NaN where none does. window_...: the same of the windowed test, which adds up the
+    innovations of the last fixes. success_rate: share of the span in which the estimate is
     more than `LOST_M` off.
     """
 
@@ -69,5 +70,15 @@ class LocalisationRecord(Listed):
     ]
     delay_s: Annotated[
         float, "time from the first attacked fix to the first one that fails the test, in seconds"
+    ]
+    window_detection_rate: Annotated[
+        float, "share of attacked fixes at which the windowed test fails, in [0, 1]; null where all were lost"
+    ]
+    window_false_alarm_rate: Annotated[
+        float, "share of the clean bag's fixes at which the windowed test fails, in [0, 1]"
+    ]
+    window_delay_s: Annotated[
+        float,
+        "time from the first attacked fix to the first one at which the windowed test fails, in seconds",
     ]
     success_rate: Annotated[float, "share of the span in which the estimate is more than 5 m off, in [0, 1]"]

@@ -21,6 +21,9 @@ class ScoreMetrics:
     ]
     caught: Annotated[float, "share of attackers with any flagged false message, in [0, 1]"]
     false_positive_rate: Annotated[float, "share of honest messages that are flagged, in [0, 1]"]
+    innocent_false_positive_rate: Annotated[
+        float, "share of the messages of stations that do not attack that are flagged, in [0, 1]"
+    ]
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,8 @@ class Scenario(Section):
 
     def _carriers(self) -> Iterator[Mistake]:
         if not self.vehicles:
-            yield (), "vehicles is empty; name at least one, like ego: {}"
+            if not self.v2x.enabled:
+                yield (), "vehicles is empty and V2X is off, so nothing is recorded; name one, like ego: {}"
             return
         known = ", ".join(sorted(self.vehicles))
         for place, _, sensor in self.sensors.mounted():

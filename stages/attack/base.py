@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from advpipe.pipeline.core.errors import UsageError
@@ -25,6 +25,23 @@ class Traits:
     also_known_as: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class PublishedPreset:
+    """What the published code of a data set does under an attack's name: `--set preset=NAME`.
+
+    attack_class: carries it out; the attack's own if left out. parameters: its defaults. remark: where our
+    default differs, and why; "" where it does not. matters: whether that code labels a message as false, from
+    what is true, what is claimed and what was true in the station's message before (None for its first).
+    """
+
+    attack_class: type[Attack] | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remark: str = ""
+    matters: Callable[[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any] | None], bool] = (
+        lambda true, false, last: True
+    )
+
+
 class Attack(ABC):
     """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack` or `GnssAttack`.
 
@@ -32,6 +49,7 @@ class Attack(ABC):
     the base class. family_title: what the family's attacks change, for users. usual_options: of the command
     line, that choose whom the attack concerns, as an example. own_keys: keys of an attack in a scenario file
     that only this family has. traits_type: the class of `traits`. quantities: those of its family, by name.
+    presets: what the code of data sets does under its name, by their names.
     """
 
     family: ClassVar[Family]
@@ -40,6 +58,7 @@ class Attack(ABC):
     own_keys: ClassVar[tuple[str, ...]] = ()
     traits_type: ClassVar[type[Traits]]
     quantities: ClassVar[Mapping[str, Quantity[Any]]]
+    presets: ClassVar[Mapping[str, PublishedPreset]] = {}
 
     @property
     @abstractmethod

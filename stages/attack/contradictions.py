@@ -9,7 +9,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import AttackSpec
-from advpipe.stages.attack.parameters import resolved_parameters
+from advpipe.stages.attack.parameters import preset_class, resolved_parameters
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
@@ -39,4 +39,4 @@ def _untrue(spec: AttackSpec) -> frozenset[str]:
     """The claims that the attack falsifies in its attackers' messages; none if it only adds, delays or drops
     messages."""
     attack_class = V2X_ATTACKS.find(spec.type)
-    return frozenset(attack_class.untrue(resolved_parameters(spec, attack_class)))
+    return frozenset(preset_class(spec, attack_class).untrue(resolved_parameters(spec, attack_class)))

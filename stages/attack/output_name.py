@@ -50,7 +50,7 @@ def _one_id(spec: AttackSpec) -> str:
     for name, value in resolved_parameters(spec, attack_class).items():
         if name == first and issubclass(attack_class, LidarAttack):
             parts.append(_short(value))
-        elif value != known[name]:
+        elif value != known.get(name):
             parts.append(name if value is True else f"{name}{_short(value)}")
     return "-".join(parts)
 

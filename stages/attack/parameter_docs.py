@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from advpipe.stages.attack.base import Attack
-from advpipe.stages.attack.parameters import known_parameters, parameter_types
+from advpipe.stages.attack.parameters import PRESET, known_parameters, parameter_types
 
 _HEAD = re.compile(r"(?:^|(?<=[.;]\s))(\w+(?:,\s+\w+)*):\s", re.MULTILINE)
 """`name: ` or `name, other: ` where a line or a sentence begins."""
@@ -31,13 +31,17 @@ class Parameter:
 
 
 def documented_parameters(attack_class: type[Attack]) -> tuple[Parameter, ...]:
-    """All parameters of a class but its recipe, in their order."""
+    """All parameters of a class but its recipe, in their order; the preset is last, if it has presets."""
     known, types = known_parameters(attack_class), parameter_types(attack_class)
     texts: dict[str, str] = {}
     for owner in attack_class.__mro__:
         texts = {**_texts(owner, known), **texts}
-    return tuple(
+    own = tuple(
         Parameter(name, types.get(name, ()), default, texts.get(name, "")) for name, default in known.items()
+    )
+    presets = ", ".join(vars(attack_class).get("presets", {}))
+    return (
+        (*own, Parameter(PRESET, (str,), None, f"what a data set's code does: {presets}")) if presets else own
     )
 
 

@@ -12,6 +12,8 @@ from pathlib import Path
 FOLDER = Path(__file__).parent
 PACKAGES = ("advpipe.stages.attack.", "advpipe.pipeline.adversary.")
 """Where what attacks are made of stands."""
+CATALOGUES = ("veremi", "f2md", "nextgen")
+"""The data sets whose attacks are presets of ours."""
 SWITCH = ("true", "false")
 """The words that a parameter without numbers may be where it is a switch."""
 
@@ -24,8 +26,19 @@ def parameter_words(attack: str) -> dict[str, tuple[str, ...]]:
         for call in _calls(registry.tree, "add"):
             match call.args:
                 case [ast.Constant(value=name), ast.Name(id=class_name)] if name == attack:
-                    return registry.parameters(class_name)
+                    presets = tuple(_presets(attack))
+                    return registry.parameters(class_name) | ({"preset": presets} if presets else {})
     return {}
+
+
+def _presets(attack: str) -> Iterator[str]:
+    """The data sets whose code has an attack of this name."""
+    for name in CATALOGUES:
+        for node in _Source(FOLDER / "v2x" / "published" / f"{name}.py").tree.body:
+            match node:
+                case ast.AnnAssign(target=ast.Name(id="PRESETS"), value=ast.Dict(keys=keys)):
+                    if attack in (key.value for key in keys if isinstance(key, ast.Constant)):
+                        yield name
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, get_type_hints
+from typing import Any, TypeVar, cast, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -14,7 +14,12 @@ from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.section import leaves, parse_share, written_number
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.scenario.attacks import AttackSpec, Value
-from advpipe.stages.attack.base import Attack
+from advpipe.stages.attack.base import Attack, PublishedPreset
+
+A = TypeVar("A", bound=Attack)
+
+PRESET = "preset"
+"""A parameter of every attack with presets: the name of one."""
 
 REQUIRED = inspect.Parameter.empty
 
@@ -54,12 +59,16 @@ def parameter_types(attack_class: type[Attack]) -> dict[str, tuple[Any, ...]]:
 
 
 def resolved_parameters(spec: AttackSpec, attack_class: type[Attack]) -> dict[str, Any]:
-    """All parameters of an attack of this class, in the constructor's order, with defaults if not given.
+    """All parameters of an attack of this class, in the constructor's order, with defaults if not given,
+    those of its preset, if it names one, which comes first.
 
     Raises AdvpipeError for one that is unknown, missing or of another type; the constructor checks bounds.
     """
-    known = known_parameters(attack_class)
-    for name in spec.parameters:
+    preset = preset_of(spec, attack_class)
+    own = {PRESET: spec.parameters[PRESET]} if preset is not None else {}
+    attack_class = preset_class(spec, attack_class)
+    known = known_parameters(attack_class) | dict(preset.parameters if preset is not None else {})
+    for name in spec.parameters.keys() - own.keys():
         if name not in known:
             choice = known_names(name, known) if known else "it has none"
             raise UsageError(f"{spec.type}: unknown parameter {short_repr(name)}; {choice}")
@@ -67,8 +76,35 @@ def resolved_parameters(spec: AttackSpec, attack_class: type[Attack]) -> dict[st
         if default is REQUIRED and name not in spec.parameters:
             raise UsageError(f"{spec.type}: {name} is missing; pass {option_name(name)}")
     types = _types(attack_class)
-    given = {name: _checked(spec.type, name, value, types) for name, value in spec.parameters.items()}
-    return {name: given.get(name, default) for name, default in known.items()}
+    given = {
+        name: _checked(spec.type, name, value, types)
+        for name, value in spec.parameters.items()
+        if name not in own
+    }
+    return own | {name: given.get(name, default) for name, default in known.items()}
+
+
+def preset_of(spec: AttackSpec, attack_class: type[Attack]) -> PublishedPreset | None:
+    """The published preset that the attack's parameters name; None for none.
+
+    Raises AdvpipeError for one that the attack does not have.
+    """
+    presets = vars(attack_class).get("presets", {})
+    if not presets or PRESET not in spec.parameters:
+        return None
+    name = spec.parameters[PRESET]
+    if not isinstance(name, str) or name not in presets:
+        raise UsageError(f"{spec.type}: unknown preset {short_repr(name)}; {known_names(str(name), presets)}")
+    found: PublishedPreset = presets[name]
+    return found
+
+
+def preset_class(spec: AttackSpec, attack_class: type[A]) -> type[A]:
+    """The class that carries out the attack: that of its preset, or else its own."""
+    preset = preset_of(spec, attack_class)
+    if preset is None or preset.attack_class is None:
+        return attack_class
+    return cast("type[A]", preset.attack_class)
 
 
 def resolved_recipe(spec: AttackSpec, attack_class: type[Attack]) -> str:

@@ -39,6 +39,7 @@ MESSAGES = (
     "pipeline/scenario",
     "pipeline/core/seeding.py",
     "pipeline/v2x",
+    "pipeline/misbehaviour/roads.py",
     "stages/attack",
 )
 """The code that determines how messages and fixes change."""

@@ -75,11 +75,13 @@ def test_every_attack_is_in_a_catalogue(site: Path) -> None:
 
 def test_names_of_the_data_sets_stand_beside_their_attacks(site: Path) -> None:
     page = (site / "v2x-gnss-attacks.html").read_text(encoding="utf-8")
-    (row,) = [
+    row, *presets = [
         row for row in re.findall(r"<tr>.*?</tr>", page, re.DOTALL) if 'href="#cam-eventual-stop"' in row
     ]
     assert "<td>16 eventual stop</td>" in row
     assert "<td>9 eventual stop</td>" in row
+    catalogues = [re.findall(r"<td><code>(\w+)</code></td>", preset) for preset in presets]
+    assert catalogues == [["veremi"], ["f2md"]]
 
 
 def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:

@@ -31,7 +31,8 @@ class SpoofingContext:
     elapsed_s: since the first attacked fix of this span, interval_s: since the previous attacked fix; both 0
     at the first fix of a span. heading_rad: the victim's estimated heading, about the map's vertical from its
     x axis. innovation: computes the innovation of the true fix in the victim's filter, given all earlier
-    reported fixes; only a spoofer that knows the filter and its sensors can use it.
+    reported fixes; only a spoofer that knows the filter and its sensors can use it. past_nis: the normalised
+    innovations squared of all earlier reported fixes in that filter, attacked or not.
     """
 
     true_fixes: Sequence[TrueFix]
@@ -39,6 +40,7 @@ class SpoofingContext:
     interval_s: float
     heading_rad: float
     innovation: Callable[[], Innovation]
+    past_nis: Sequence[float] = ()
 
     @property
     def position_m(self) -> Float64:

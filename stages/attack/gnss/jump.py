@@ -17,9 +17,10 @@ MODES = ("glitch", "step")
 class Jump(GnssAttack):
     """Each attacked fix jumps by distance_m with a probability, in a random horizontal direction.
 
-    mode `glitch`: only this fix jumps. mode `step`: later fixes keep the offset until the span ends, and
-    jumps add up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability 0.02 for
-    each fix.
+    The first fix of each span jumps in any case, so that no span goes by without a jump; with probability 0
+    none does. mode `glitch`: only this fix jumps. mode `step`: later fixes keep the offset until the span
+    ends, and jumps add up. The defaults are those of TDRobertson's SUDDEN_JUMP for CARLA: 5 m, probability
+    0.02 for each fix.
     """
 
     traits = GnssTraits()
@@ -48,7 +49,7 @@ class Jump(GnssAttack):
             if context.is_first or self.mode == "glitch":
                 offset_m = np.zeros(3)
             jumps, direction = rng.random() < self.probability, random_direction(rng)
-            if jumps:
+            if jumps or (context.is_first and self.probability > 0):
                 offset_m = offset_m + self.distance_m * direction
             return context.position_m + offset_m
 

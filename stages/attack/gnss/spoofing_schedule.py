@@ -51,6 +51,7 @@ class SpoofingSchedule:
         self.victim = victim
         self.name = "+".join(dict.fromkeys(spec.type for spec in specs))
         self._true_fixes: list[TrueFix] = []
+        self._past_nis: list[float] = []
         for one, other in combinations(specs, 2):
             if one.schedule.overlaps(other.schedule):
                 raise UsageError(
@@ -66,6 +67,10 @@ class SpoofingSchedule:
             spoofer = attack.begin(named_generator(seed, *names))
             acts = acting_on_fixes(spec, victim, recording.start_ns, seed)
             self._attacks.append(_ScheduledAttack(spec, attack.bounds, spoofer, acts))
+
+    def observe(self, innovation: Innovation) -> None:
+        """Remember the innovation of a fix, true or false, in the victim's filter."""
+        self._past_nis.append(innovation.nis)
 
     def of(
         self, time_ns: int, position_m: Float64, heading_rad: float, innovation: Callable[[], Innovation]
@@ -83,7 +88,9 @@ class SpoofingSchedule:
             if attack.begin_ns is None:
                 attack.begin_ns = attack.last_ns = time_ns
             elapsed_s, interval_s = (time_ns - attack.begin_ns) / 1e9, (time_ns - attack.last_ns) / 1e9
-            context = SpoofingContext(self._true_fixes, elapsed_s, interval_s, heading_rad, innovation)
+            context = SpoofingContext(
+                self._true_fixes, elapsed_s, interval_s, heading_rad, innovation, self._past_nis
+            )
             attack.last_ns = time_ns
             false_fix = FalseFix(attack.spec.type, attack.spoofer(context))
             _refuse_beyond(attack, false_fix, position_m)

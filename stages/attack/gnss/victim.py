@@ -89,6 +89,8 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, schedule: Spoofi
             measured = replace(measured, fix=record.reported)
             raw = next(waiting, None)
         estimate = estimator.step(measured)
+        if estimate.innovation is not None:
+            schedule.observe(estimate.innovation)
         estimates[measured.stamp_ns] = estimate
         heading_rad = yaw_of(estimate.map_SE3_base)
     while raw is not None:  # after the last estimate: without any effect

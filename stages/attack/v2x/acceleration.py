@@ -36,7 +36,11 @@ class FeignedBraking(Falsification):
     NextGen), and at least least_mps2, as NextGen's factor has no effect at constant speed.
     """
 
-    traits = V2xTraits(untrue=("acceleration",), published=Published(nextgen=9, catch_f1=0.027))
+    traits = V2xTraits(
+        untrue=("acceleration",),
+        published=Published(nextgen=9, catch_f1=0.027),
+        published_of={"preset": "nextgen"},
+    )
 
     def __init__(
         self,

@@ -50,11 +50,12 @@ from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
-from advpipe.stages.attack.base import Attack, Traits
+from advpipe.stages.attack.base import Attack, PublishedPreset, Traits
 from advpipe.stages.attack.v2x.cams import CamEditor
 
 
@@ -83,7 +84,8 @@ class AttackContext:
 
     name: the attack's name in labels and random generators; seed_name distinguishes several attacks of one
     name. attackers: station ids of the attackers' radios, ascending. victim: a station id; None without a
-    target. active: whether the schedule includes a time in nanoseconds. start_ns: when the bag begins.
+    target. active: whether the schedule includes a time in nanoseconds. start_ns: when the bag begins. roads:
+    reads them, None for a bag without.
     """
 
     name: str
@@ -97,6 +99,7 @@ class AttackContext:
     geodesy: Geodesy
     cams: CamEditor
     numbers: AllocatedIds
+    roads: Callable[[], RoadMap | None] = lambda: None
     _copies: count[int] = field(default_factory=lambda: count(1))
 
     @cached_property
@@ -148,7 +151,7 @@ class V2xTraits(Traits):
     does not exist, or is another, or the message is redundant; otherwise each is judged by its claims
     (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes messages that its attackers send anyway,
     so that a roadside unit, which sends none, cannot be an attacker. published: see `Published`; its F1 is
-    that of an attack with the parameters `published_of`.
+    that of an attack with the parameters `published_of`, or of its preset.
     """
 
     untrue: tuple[Claim, ...] = ()
@@ -177,6 +180,9 @@ class V2xAttack(Attack):
     own_keys = ("attackers", "dcc_reacts")
     traits_type = V2xTraits
     quantities = MESSAGE_QUANTITIES
+
+    preset: PublishedPreset | None = None
+    """What the attack is to do exactly, and by which labels; see `build.py`."""
 
     def __init__(self, context: AttackContext) -> None:
         self.context = context

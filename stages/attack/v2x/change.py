@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
@@ -22,15 +22,16 @@ from advpipe.pipeline.messages.v2x import (
     sent_message,
     stations_message,
 )
+from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.stages.attack.debug import DebugMessages, claims_message
-from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
+from advpipe.stages.attack.v2x.build import build_attack
 from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
@@ -70,6 +71,7 @@ def forge(
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
     cams, numbers = CamEditor(), AllocatedIds(last + 1, set(drive.stations))
+    roads = cache(partial(roads_of_bag, reader))
     built: list[V2xAttack] = []
     for spec in attacks:
         recording.refuse_outside(spec)
@@ -85,6 +87,7 @@ def forge(
             geodesy=geodesy,
             cams=cams,
             numbers=numbers,
+            roads=roads,
         )
         built.append(_build(spec, context))
     numbers.station_ids |= set(selection.names)
@@ -99,8 +102,7 @@ def forge(
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
-    attack_class = V2X_ATTACKS.find(spec.type)
-    attack = attack_class(context, **resolved_parameters(spec, attack_class))
+    attack = build_attack(spec, V2X_ATTACKS.find(spec.type), context)
     if (
         attack.traits.needs_traffic
         and spec.attackers is not None

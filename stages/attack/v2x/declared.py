@@ -7,13 +7,15 @@ from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.base import checked_bounds
-from advpipe.stages.attack.parameters import resolved_parameters
+from advpipe.stages.attack.parameters import preset_class, preset_of, resolved_parameters
 from advpipe.stages.attack.v2x.base import V2xAttack, v2x_traits
 
 
 def declaration_of_messages(spec: AttackSpec, attack_class: type[V2xAttack]) -> Declaration:
     """The declaration of an attack of this class; raises AdvpipeError for an invalid one."""
-    parameters, traits = resolved_parameters(spec, attack_class), v2x_traits(attack_class)
+    parameters, preset = resolved_parameters(spec, attack_class), preset_of(spec, attack_class)
+    attack_class = preset_class(spec, attack_class)
+    traits = v2x_traits(attack_class)
     untrue = attack_class.untrue(parameters)
     if undeclared := sorted(set(untrue) - set(traits.untrue)):
         raise UsageError(
@@ -23,6 +25,7 @@ def declaration_of_messages(spec: AttackSpec, attack_class: type[V2xAttack]) -> 
         family=attack_class.family,
         bounds=checked_bounds(spec.type, attack_class, attack_class.bounds(parameters)),
         every_message_matters=traits.every_message_matters,
+        labelled_as_published=preset is not None,
         untrue=untrue,
         published=traits.published_with(parameters),
         parts=attack_class.parts(spec.type, parameters),

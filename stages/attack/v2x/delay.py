@@ -20,13 +20,18 @@ from advpipe.stages.attack.v2x.overheard_messages import with_later_time, withou
 
 
 class Delay(V2xAttack):
-    """Sends each message late, by a delay that each attacker draws once: NextGen's time delay attack.
+    """Sends each message late, by a delay that each attacker draws once.
 
-    restamp: delay the generation time as well, so that receivers' LDMs accept the message. Messages that are
+    restamp: delay the generation time as well, so that receivers' LDMs accept the message, as NextGen's time
+    delay attack does; without, the time gives the delay away. Messages that are
     due after the attacker has left the road, or after the drive, are never sent.
     """
 
-    traits = V2xTraits(untrue=("generation time",), published=Published(nextgen=11, catch_f1=0.062))
+    traits = V2xTraits(
+        untrue=("generation time",),
+        published=Published(nextgen=11, catch_f1=0.062),
+        published_of={"preset": "nextgen"},
+    )
 
     def __init__(
         self,

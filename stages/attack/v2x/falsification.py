@@ -81,7 +81,7 @@ class Falsification(V2xAttack):
         for (index, message, tree, is_attacked), fields in zip(found, changes, strict=True):
             falsified = with_fields(tree, **fields)
             if self._path is not None:
-                falsified = self._path.follow(message, falsified, is_attacked)
+                falsified = self._path.follow(message, falsified, is_attacked and bool(fields))
             if falsified is not tree:
                 edited[index] = replace(message, payload=cams.close(falsified))
         return edited

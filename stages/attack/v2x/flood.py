@@ -109,7 +109,9 @@ class Dos(Flood):
     """The attacker's own last CAM, extrapolated along its heading: true, but sent too often."""
 
     traits = V2xTraits(
-        every_message_matters=True, published=Published(veremi_extension=13, nextgen=12, catch_f1=0.353)
+        every_message_matters=True,
+        published=Published(veremi_extension=13, nextgen=12, catch_f1=0.353),
+        published_of={"preset": "nextgen"},
     )
 
     def __init__(self, context: AttackContext, **others: Any) -> None:
@@ -127,7 +129,7 @@ class Dos(Flood):
         if attacker not in self._own:
             return None
         own_ns, tree = self._own[attacker]
-        return _extrapolated(tree, at_ns - own_ns)
+        return extrapolated(tree, at_ns - own_ns)
 
 
 class DosRandom(Flood):
@@ -168,7 +170,7 @@ class DosRandom(Flood):
             width_m=1.8,
         )
         self._base = cam_tree(base), latitude_deg, longitude_deg
-        self._axes_deg = _degrees_per_metre(latitude_deg, longitude_deg)
+        self._axes_deg = degrees_per_metre(latitude_deg, longitude_deg)
 
     def _content(self, attacker: int, at_ns: int) -> CamTree | None:
         assert self._base is not None
@@ -245,7 +247,7 @@ def _interval_ns(rate_hz: float) -> int:
     return round(1e9 / rate_hz)
 
 
-def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
+def extrapolated(tree: CamTree, by_ns: int) -> CamTree:
     """The CAM of a vehicle after it moved straight on for this long."""
     names = ("latitude_deg", "longitude_deg", "heading_rad", "speed_mps")
     latitude_deg, longitude_deg, heading_rad, speed_mps = (field_of(tree, name) for name in names)
@@ -253,7 +255,7 @@ def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
     if any(value is None or not np.isfinite(value) for value in values):
         return with_later_time(tree, by_ns)
     distance_m = speed_mps * by_ns / 1e9
-    per_east_deg, per_north_deg = _degrees_per_metre(latitude_deg, longitude_deg)
+    per_east_deg, per_north_deg = degrees_per_metre(latitude_deg, longitude_deg)
     moved = with_fields(
         tree,
         latitude_deg=latitude_deg + distance_m * math.cos(heading_rad) * per_north_deg,
@@ -262,7 +264,7 @@ def _extrapolated(tree: CamTree, by_ns: int) -> CamTree:
     return with_later_time(moved, by_ns)
 
 
-def _degrees_per_metre(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+def degrees_per_metre(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     """Degrees of longitude per metre east, and of latitude per metre north; not valid at the poles."""
     east_m, north_m = east_north_m(
         latitude_deg, longitude_deg, latitude_deg + _LATITUDE_DEG, longitude_deg + _LATITUDE_DEG

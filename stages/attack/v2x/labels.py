@@ -37,7 +37,8 @@ _SHOWN_HEIGHT_M = 1.0
 
 class _Row(NamedTuple):
     """A touched message. before, true, false: the values before the attack, those of a genuine message, and
-    those after the attack; None if there are none or the message is not a vehicle's CAM."""
+    those after the attack; None if there are none or the message is not a vehicle's CAM. mattered: None where
+    the effect decides."""
 
     message: Sent
     time_ns: int
@@ -46,7 +47,7 @@ class _Row(NamedTuple):
     attacker: str
     sender: str
     action: str
-    always_matters: bool
+    mattered: bool | None
     before: Values | None
     true: Values | None
     false: Values | None
@@ -212,6 +213,9 @@ class Labels:
         sender, editor = self._names.get(message.station_id, ""), self._editors[editor_index]
         self.touching.add(editor_index)
         part = editor.part(message.station_id) if isinstance(editor, V2xAttack) else None
+        before_values = self._values(before)
+        true_values = before_values if true is before else self._values(true)
+        false_values = self._values(message.payload if is_sent else None)
         row = _Row(
             message,
             time_ns,
@@ -220,10 +224,10 @@ class Labels:
             "" if part is None else sender,
             sender,
             action,
-            part is not None and part.traits.every_message_matters,
-            before_values := self._values(before),
-            before_values if true is before else self._values(true),
-            self._values(message.payload if is_sent else None),
+            None if part is None else self._judged(part, message, true_values, false_values),
+            before_values,
+            true_values,
+            false_values,
         )
         if is_sent:
             self._bounds_check.refuse_beyond(
@@ -233,6 +237,18 @@ class Labels:
         self._step_rows.append(row)
         self.counts[action] += 1
         self.counts["made invalid"] += is_sent and row.before is not None and row.false is None
+
+    def _judged(
+        self, part: V2xAttack, message: Sent, true: Values | None, false: Values | None
+    ) -> bool | None:
+        """Whether the attack, or its preset, says that the message matters; None if neither does."""
+        if part.traits.every_message_matters or part.preset is None or true is None or false is None:
+            return part.traits.every_message_matters or None
+        payload = self._newest.get(message.station_id)
+        for sent in self._by_station.get(message.station_id, ()):
+            if sent.request_ns < message.request_ns:
+                payload = sent.payload
+        return part.preset.matters(true, false, self._values(payload))
 
     def _values(self, payload: bytes | None) -> Values | None:
         tree = None if payload is None else self.cams.open(payload)
@@ -271,8 +287,8 @@ class Labels:
     def _mattered(self, row: _Row, moved_m: float) -> bool:
         if row.action == CORRUPT:
             return False
-        if row.always_matters or row.action == DROPPED:
-            return True
+        if row.mattered is not None or row.action == DROPPED:
+            return row.mattered is not False
         return has_effect(row.true, row.false, moved_m, self._expiry_s)
 
 

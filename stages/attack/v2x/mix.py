@@ -12,9 +12,11 @@ from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.acting import drawn_parts
+from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.stages.attack.parameters import known_parameters
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits, v2x_traits
+from advpipe.stages.attack.v2x.build import build_attack
+from advpipe.stages.attack.v2x.declared import declaration_of_messages
 from advpipe.stages.attack.v2x.position import PositionOffset
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 from advpipe.stages.attack.v2x.speed import SpeedRandomOffset
@@ -27,12 +29,18 @@ class Mixed(NamedTuple):
     name: str
     parameters: Mapping[str, Any]
 
+    @property
+    def spec(self) -> AttackSpec:
+        """The attack by itself."""
+        return AttackSpec(type=self.name, parameters=dict(self.parameters))
+
 
 class Mix(V2xAttack):
-    """Each attacker draws one attack of the mix and carries it out with default parameters.
+    """Each attacker draws one attack of the mix and carries it out.
 
     attacks: three, nextgen, f2md or all (see `MIXES`), an attack, or several of both, separated by commas.
-    Only `nextgen` sets other parameters (see `nextgen_attacks`). Labels name the drawn attack as the `part`.
+    `three` and `nextgen` are attacks of NextGen as it publishes them, `f2md` those of F2MD; others have our
+    default parameters. Labels name the drawn attack as the `part`.
     """
 
     traits = V2xTraits(untrue=ALL_CLAIMS)
@@ -40,12 +48,12 @@ class Mix(V2xAttack):
     def __init__(self, context: AttackContext, *, attacks: str = "three") -> None:
         super().__init__(context)
         mixed = _mixed(context.name, attacks)
-        parameters = {one.name: one.parameters for one in mixed if one.parameters}
+        specs = {one.name: one.spec for one in mixed}
         names = [one.name for one in mixed]
         drawn_by = drawn_parts(names, context.attackers, context.seed, context.name, context.seed_name)
         own = replace(context, seed_name=f"{context.name} {context.seed_name}")
         self._attacks: list[V2xAttack] = [
-            V2X_ATTACKS[name](replace(own, name=name, attackers=attackers), **parameters.get(name, {}))
+            build_attack(specs[name], V2X_ATTACKS[name], replace(own, name=name, attackers=attackers))
             for name in dict.fromkeys(names)
             if (attackers := tuple(one for one in context.attackers if drawn_by[one] == name))
         ]
@@ -72,22 +80,16 @@ class Mix(V2xAttack):
 
 def _part(mixed: Mixed) -> DeclaredPart:
     """The declaration of an attack with its parameters."""
-    attack_class = V2X_ATTACKS[mixed.name]
-    traits, parameters = v2x_traits(attack_class), {**known_parameters(attack_class), **mixed.parameters}
-    return DeclaredPart(
-        name=mixed.name,
-        every_message_matters=traits.every_message_matters,
-        bounds=dict(attack_class.bounds(parameters)),
-        untrue=attack_class.untrue(parameters),
-        published=traits.published_with({}),
-    )
+    declared = declaration_of_messages(mixed.spec, V2X_ATTACKS[mixed.name])
+    shared = DeclaredPart.model_fields.keys() - {"name"}
+    return DeclaredPart(name=mixed.name, **{key: getattr(declared, key) for key in shared})
 
 
 def three_attacks() -> list[Mixed]:
     """NextGen's mixThree."""
     attack_classes = PositionOffset, SpeedRandomOffset, SuddenStop
     return [
-        Mixed(name, {})
+        Mixed(name, {"preset": "nextgen"})
         for attack_class in attack_classes
         for name, candidate in V2X_ATTACKS.items()
         if candidate is attack_class
@@ -95,15 +97,14 @@ def three_attacks() -> list[Mixed]:
 
 
 def nextgen_attacks() -> list[Mixed]:
-    """NextGen's mixAll, with its parameters: its constant speed is a zero speed report."""
-    return [
-        Mixed(name, v2x_traits(V2X_ATTACKS[name]).published_of) for name in _in_catalogue(lambda p: p.nextgen)
-    ]
+    """NextGen's mixAll, of its presets: its constant speed is a zero speed report."""
+    return [Mixed(name, {"preset": "nextgen"}) for name in _in_catalogue(lambda p: p.nextgen)]
 
 
 def f2md_attacks() -> list[Mixed]:
-    """The 19 attacks of F2MD, in the order of their numbers in VeReMi's extension."""
-    return [Mixed(name, {}) for name in _in_catalogue(lambda published: published.veremi_extension)]
+    """The 19 attacks of F2MD by its presets, in the order of their numbers in VeReMi's extension."""
+    names = _in_catalogue(lambda published: published.veremi_extension)
+    return [Mixed(name, {"preset": "f2md"}) for name in names]
 
 
 def all_attacks() -> list[Mixed]:

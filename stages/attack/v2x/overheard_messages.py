@@ -23,11 +23,14 @@ RECEPTION_RANGE_M = 400.0
 class OverheardMessages:
     """The messages of other stations within a distance of each listener, stored for a limited time.
 
-    Distance approximates reception, because the radio model runs only after all editors.
+    Distance approximates reception, because the radio model runs only after all editors. kept: messages of
+    each station, at most; without a limit if left out.
     """
 
-    def __init__(self, listeners: Sequence[int], range_m: float, memory_s: float) -> None:
-        self._listeners, self._range_m = listeners, range_m
+    def __init__(
+        self, listeners: Sequence[int], range_m: float, memory_s: float, kept: int | None = None
+    ) -> None:
+        self._listeners, self._range_m, self._kept = listeners, range_m, kept
         self._memory_ns = round(memory_s * 1e9)
         self._stored: dict[int, dict[int, list[Sent]]] = {listener: {} for listener in listeners}
 
@@ -36,7 +39,10 @@ class OverheardMessages:
         near = _listeners_in_range(step.radios, self._listeners, self._range_m)
         for message in sorted(sent, key=lambda message: (message.request_ns, message.number)):
             for listener in near.get(message.station_id, ()):
-                self._stored[listener].setdefault(message.station_id, []).append(message)
+                log = self._stored[listener].setdefault(message.station_id, [])
+                log.append(message)
+                if self._kept is not None:
+                    del log[: -self._kept]
         horizon_ns = step.begin_ns - self._memory_ns
         for by_station in self._stored.values():
             for station in [station for station, log in by_station.items() if log[0].request_ns < horizon_ns]:

@@ -202,9 +202,13 @@ class PositionRandomOffset(PositionFalsification):
 
 class PositionMirrored(PositionFalsification):
     """A position on the opposite side of the road: left_m to the left of the heading (negative: to the right,
-    for left-hand traffic). NextGen takes twice the distance to the road's edge instead."""
+    for left-hand traffic). NextGen's distance depends on the road."""
 
-    traits = V2xTraits(untrue=("position",), published=Published(nextgen=3, catch_f1=0.192))
+    traits = V2xTraits(
+        untrue=("position",),
+        published=Published(nextgen=3, catch_f1=0.192),
+        published_of={"preset": "nextgen"},
+    )
 
     def __init__(self, context: AttackContext, *, left_m: float = 3.5, rebuild_path: bool = True) -> None:
         super().__init__(context, rebuild_path=rebuild_path)

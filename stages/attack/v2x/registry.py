@@ -85,8 +85,16 @@ def _add_streams(add: Add[V2xAttack]) -> None:
 
 
 def _add_all(add: Add[V2xAttack]) -> None:
-    _add_claims(add)
-    _add_streams(add)
+    from advpipe.stages.attack.v2x.published import f2md, nextgen, veremi
+
+    catalogues = {"veremi": veremi.PRESETS, "f2md": f2md.PRESETS, "nextgen": nextgen.PRESETS}
+
+    def add_with_presets(name: str, attack_class: type[V2xAttack]) -> None:
+        attack_class.presets = {key: presets[name] for key, presets in catalogues.items() if name in presets}
+        add(name, attack_class)
+
+    _add_claims(add_with_presets)
+    _add_streams(add_with_presets)
 
 
 V2X_ATTACKS = FamilyRegistry[V2xAttack]("v2x", _add_all)

@@ -96,7 +96,9 @@ class CamReplay(_Replay):
     """
 
     traits = V2xTraits(
-        untrue=ALL_CLAIMS, published=Published(veremi_extension=11, nextgen=15, catch_f1=0.273)
+        untrue=ALL_CLAIMS,
+        published=Published(veremi_extension=11, nextgen=15, catch_f1=0.273),
+        published_of={"preset": "nextgen"},
     )
 
     def __init__(

@@ -12,7 +12,7 @@ from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
 from advpipe.stages.attack.v2x.draws import AttackDraws
 from advpipe.stages.attack.v2x.falsification import OwnMessage, PositionFalsification
 
-_FROZEN_FIELDS = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
+FROZEN_FIELDS = ("latitude_deg", "longitude_deg", "altitude_m", "heading_rad")
 _STANDSTILL: dict[str, Any] = {
     "speed_mps": 0.0,
     "longitudinal_acceleration_mps2": 0.0,
@@ -25,9 +25,8 @@ EMERGENCY_MPS2 = -8.0
 class EventualStop(PositionFalsification):
     """Claims to stand at the place of a random message from that message on.
 
-    probability: of stopping at the first message; growth: added to it with each later message. VeReMi 16 adds
-    0.025 each time and changes the position alone; F2MD 9 stops with 0.05 each time. Unlike ours, they do not
-    send before they stop, or do not change the speed.
+    probability: of stopping at the first message; growth: added to it with each later message. VeReMi's
+    grows, too, and changes the position alone; F2MD's does not grow.
     """
 
     traits = V2xTraits(
@@ -64,7 +63,7 @@ class EventualStop(PositionFalsification):
         self._message_counts[station_id] = count + 1
         if self._draws.of(station_id).random() >= self._probability + count * self._growth:
             return {}
-        self._stopped[station_id] = {name: message.field(name) for name in _FROZEN_FIELDS} | _STANDSTILL
+        self._stopped[station_id] = {name: message.field(name) for name in FROZEN_FIELDS} | _STANDSTILL
         return self._first(self._stopped[station_id])
 
     def _first(self, stopped: dict[str, Any]) -> Mapping[str, Any]:
@@ -87,6 +86,7 @@ class SuddenStop(EventualStop):
             "acceleration",
         ),
         published=Published(nextgen=14, catch_f1=0.029),
+        published_of={"preset": "nextgen"},
     )
 
     def __init__(

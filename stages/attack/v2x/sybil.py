@@ -35,7 +35,7 @@ MAX_GHOSTS = 1000
 
 
 class SybilGrid(GhostAttack):
-    """Ghost vehicles on a grid that moves with a vehicle, as F2MD's grid Sybil: 5 m apart, lanes 2 m apart.
+    """Ghost vehicles on a grid that moves with a vehicle, 5 m apart, lanes 2 m apart.
 
     around: each "attacker", or the "victim", whose cells the attackers take in turns, so that no two ghost
     vehicles share a cell. Cells nearest to the vehicle come first, ahead before behind, left before right.
@@ -170,7 +170,10 @@ class SybilCongestion(CrawlingGhosts):
     """
 
     traits = V2xTraits(
-        every_message_matters=True, needs_traffic=False, published=Published(nextgen=13, catch_f1=0.259)
+        every_message_matters=True,
+        needs_traffic=False,
+        published=Published(nextgen=13, catch_f1=0.259),
+        published_of={"preset": "nextgen"},
     )
 
     def __init__(
@@ -212,20 +215,24 @@ _SILENCE_NS = 2_000_000_000
 
 @dataclass
 class _Track:
-    """A ghost vehicle that follows a station: its id, the followed id, and the last replayed time."""
+    """A ghost vehicle that follows a station: its id, the followed id, how much later it sends what, and when
+    the last replayed message was sent."""
 
     id: int
     station: int
+    shift_ns: int
     last_ns: int
 
 
 class SybilReplay(V2xAttack):
     """Ghost vehicles on the tracks of other stations, besides the attacker's own CAMs.
 
-    Each replays, under its own station id, all CAMs that one station sent `age_s` ago, with generation times
-    shifted by `age_s`. F2MD's replay Sybil, but there the pseudonym changes with each followed station.
-    ghosts: at the same time, per attacker. range_m: within which others are overheard. When a station has
-    nothing to replay for two seconds, a ghost vehicle of another station replaces its own.
+    Each replays, under its own station id, all CAMs that one station sent `age_s` ago, and as much earlier as
+    its own phase of the check interval, so that it sends neither when honest stations nor when other ghost
+    vehicles do; generation times are shifted by the same. F2MD's replay Sybil, but there the pseudonym
+    changes with each followed station. ghosts: at the same time, per attacker. range_m: within which others
+    are overheard. When a station has nothing to replay for two seconds, a ghost vehicle of another station
+    replaces its own.
     """
 
     traits = V2xTraits(
@@ -247,7 +254,7 @@ class SybilReplay(V2xAttack):
         self._age_ns = round(checked_number(name, "age_s", age_s, 0.2, 600) * 1e9)
         self._ahead_ns = round(checked_number(name, "ahead_s", ahead_s, 0, 32) * 1e9)
         self._overheard = OverheardMessages(
-            context.attackers, checked_number(name, "range_m", range_m, 0), age_s + _SILENCE_NS / 1e9
+            context.attackers, checked_number(name, "range_m", range_m, 0), age_s + 2 * _SILENCE_NS / 1e9
         )
         self._tracks: dict[int, list[_Track]] = {attacker: [] for attacker in context.attackers}
         self._rngs = {attacker: context.rng("tracks", attacker) for attacker in context.attackers}
@@ -264,30 +271,31 @@ class SybilReplay(V2xAttack):
 
     def _replay(self, begin_ns: int, end_ns: int, attacker: int) -> list[Sent]:
         cams, tracks = self.context.cams, self._tracks[attacker]
-        tracks[:] = [track for track in tracks if begin_ns - self._age_ns - track.last_ns < _SILENCE_NS]
+        tracks[:] = [track for track in tracks if begin_ns - track.shift_ns - track.last_ns < _SILENCE_NS]
         if self.context.active(begin_ns):
-            self._add_tracks(begin_ns - self._age_ns, end_ns - self._age_ns, attacker)
+            self._add_tracks(begin_ns, end_ns, attacker)
         replayed: list[Sent] = []
         for track in tracks:
             for old in self._overheard.between(
-                attacker, track.station, begin_ns - self._age_ns, end_ns - self._age_ns
+                attacker, track.station, begin_ns - track.shift_ns, end_ns - track.shift_ns
             ):
                 track.last_ns = old.request_ns
-                at_ns = old.request_ns + self._age_ns
+                at_ns = old.request_ns + track.shift_ns
                 tree = cams.open(old.payload)
                 if tree is not None and self.context.active(at_ns):
                     tree = with_later_time(
-                        with_fields(tree, station_id=track.id), self._age_ns + self._ahead_ns
+                        with_fields(tree, station_id=track.id), track.shift_ns + self._ahead_ns
                     )
                     replayed.append(self.context.message(attacker, at_ns, cams.close(tree)))
         return replayed
 
-    def _add_tracks(self, from_ns: int, until_ns: int, attacker: int) -> None:
+    def _add_tracks(self, begin_ns: int, end_ns: int, attacker: int) -> None:
         """Fill up the tracks with stations to replay from this step on."""
         tracks, rng = self._tracks[attacker], self._rngs[attacker]
         missing = self._ghosts - len(tracks)
         if missing <= 0:
             return
+        from_ns, until_ns = begin_ns - self._age_ns, end_ns - self._age_ns
         taken = {track.station for track in tracks}
         others = [
             station
@@ -297,4 +305,5 @@ class SybilReplay(V2xAttack):
         for index in rng.permutation(len(others))[:missing].tolist():
             self._track_count += 1
             pseudonym = self.context.pseudonym("track", attacker, self._track_count)
-            tracks.append(_Track(pseudonym, others[index], from_ns))
+            shift_ns = self._age_ns + int(rng.integers(1, CHECK_INTERVAL_NS))
+            tracks.append(_Track(pseudonym, others[index], shift_ns, begin_ns - shift_ns))

@@ -6,20 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.monitor import nis_threshold, windowed_alarms
 from advpipe.pipeline.results.localisation import Errors, LocalisationRecord
 from advpipe.stages.evaluate.localisation.track import Bool, LocalisationTrack
 
-GATE_PROBABILITY = 0.999
-"""Of the innovation test: of genuine fixes, as the filter models them, one in a thousand is above it."""
 LOST_M = 5.0
 """An attack has succeeded where the estimate is farther off (TDRobertson's success rate for CARLA)."""
-
-
-def gate() -> float:
-    """The threshold of the innovation test: chi-square's quantile with 3 degrees of freedom, 16.27."""
-    from scipy.special import chdtri
-
-    return float(chdtri(3, 1 - GATE_PROBABILITY))
 
 
 def errors(track: LocalisationTrack, chosen: Bool) -> Errors:
@@ -53,8 +45,8 @@ def localisation_record(
         span[steps[0] : steps[-1] + 1] = True
     after = np.cumsum(attacked) > 0
     span_ns = clean.times_ns[span]
-    known, alarm = np.isfinite(adversarial.nis), adversarial.nis > gate()
-    caught = adversarial.times_ns[attacked & alarm]
+    known, alarm = np.isfinite(adversarial.nis), adversarial.nis > nis_threshold()
+    window_alarm = windowed_alarms(adversarial.nis)
     everything = np.ones(len(attacked), dtype=bool)
     clean_all, adversarial_all = errors(clean, everything), errors(adversarial, everything)
     off_m = np.linalg.norm(adversarial.error_m[span][:, :2], axis=1)
@@ -74,9 +66,12 @@ def localisation_record(
         ate_m=adversarial_all.ate_m,
         detection_rate=detection_rate,
         stealth_rate=1 - detection_rate,
-        false_alarm_rate=_share(clean.nis[np.isfinite(clean.nis)] > gate()),
+        false_alarm_rate=_share(clean.nis[np.isfinite(clean.nis)] > nis_threshold()),
         echo_rate=_share(alarm[after & ~attacked & known]),
-        delay_s=float(caught[0] - span_ns[0]) / 1e9 if len(caught) else float("nan"),
+        delay_s=_delay_s(adversarial, attacked, alarm),
+        window_detection_rate=_share(window_alarm[attacked & known]),
+        window_false_alarm_rate=_share(windowed_alarms(clean.nis)[np.isfinite(clean.nis)]),
+        window_delay_s=_delay_s(adversarial, attacked, window_alarm),
         success_rate=_share(off_m > LOST_M),
     )
 
@@ -87,6 +82,12 @@ def was_attacked(track: LocalisationTrack, attacked_ns: npt.NDArray[np.int64]) -
     attacked = np.zeros(len(track.times_ns), dtype=bool)
     attacked[steps[steps < len(attacked)]] = True
     return attacked
+
+
+def _delay_s(track: LocalisationTrack, attacked: Bool, alarm: Bool) -> float:
+    """From the first attacked fix to the first one with an alarm; NaN where there is none."""
+    caught_ns = track.times_ns[attacked & alarm]
+    return float(caught_ns[0] - track.times_ns[attacked][0]) / 1e9 if len(caught_ns) else float("nan")
 
 
 def _rms(values: Float64) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from advpipe.pipeline.core.figure import Figure
-from advpipe.stages.evaluate.localisation.metrics import gate
+from advpipe.pipeline.localisation.monitor import nis_threshold
 from advpipe.stages.evaluate.localisation.track import Bool, LocalisationTrack
 from advpipe.stages.evaluate.report.style import BASELINE, INK, LOST, PREDICTION, TRUTH, plain_axes
 
@@ -113,9 +113,13 @@ def _draw_innovation(
     for track, colour, chosen in ((clean, INK, True), (adversarial, PREDICTION, differs)):
         known = np.isfinite(track.nis) & chosen
         axes.plot(time_s[known], np.maximum(track.nis[known], 1e-2), ".", color=colour, markersize=2.5)
-    axes.axhline(gate(), color=BASELINE, linewidth=1)
+    axes.axhline(nis_threshold(), color=BASELINE, linewidth=1)
     axes.annotate(
-        f"threshold {gate():.1f}", (time_s[0], gate()), (3, 3), textcoords="offset points", fontsize=8
+        f"threshold {nis_threshold():.1f}",
+        (time_s[0], nis_threshold()),
+        (3, 3),
+        textcoords="offset points",
+        fontsize=8,
     )
     axes.set_yscale("log")
     axes.set(xlabel="time [s]", ylabel="innovation squared, normalised")

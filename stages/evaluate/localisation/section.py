@@ -13,13 +13,12 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.localisation.monitor import MONITOR_PROBABILITY, WINDOW_FIXES, nis_threshold
 from advpipe.pipeline.replay.recorded_filter import default_victim, vehicles_with_filter
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.localisation.metrics import (
-    GATE_PROBABILITY,
     LOST_M,
-    gate,
     localisation_record,
     was_attacked,
 )
@@ -47,8 +46,16 @@ FORMULAS = (
     Formula(
         "innovation_test",
         "a fix fails where residual' covariance^-1 residual is above chi-square's "
-        f"{100 * GATE_PROBABILITY:g} % quantile with 3 degrees of freedom",
+        f"{100 * MONITOR_PROBABILITY:g} % quantile with 3 degrees of freedom",
         title="Innovation test",
+    ),
+    Formula(
+        "windowed_innovation_test",
+        f"at a fix the sum of that value over it and the {WINDOW_FIXES - 1} before it is above chi-square's "
+        f"{100 * MONITOR_PROBABILITY:g} % quantile with {3 * WINDOW_FIXES} degrees of freedom; share of the "
+        "attacked fixes at which it fails, of the clean bag's, and the delay until it first does",
+        ("window_detection_rate", "window_false_alarm_rate", "window_delay_s"),
+        title="Windowed innovation test",
     ),
     Formula(
         "detected",
@@ -89,7 +96,8 @@ def localisation_sections(
             key="localisation",
             title="Localisation under GPS attacks",
             lead="The vehicles' own filters run again on the fixes of each bag. The threshold of the "
-            f"innovation test is {gate():.2f}.",
+            f"innovation test is {nis_threshold():.2f}, that of the windowed test over {WINDOW_FIXES} fixes "
+            f"{nis_threshold(WINDOW_FIXES):.2f}.",
             tables=(_error_table(rows), _detection_table(rows)),
             pictures=tuple(pictures),
             records=tuple(rows),
@@ -181,7 +189,10 @@ def _error_table(rows: Sequence[LocalisationRecord]) -> Table:
 
 
 def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
-    heads = ("bag", "vehicle", "detected %", "delay s", "stealth %", "false alarms %", "echo %", "success %")
+    heads = (
+        *("bag", "vehicle", "detected %", "delay s", "stealth %", "false alarms %", "echo %"),
+        *("window: detected %", "window: delay s", "window: false alarms %", "success %"),
+    )
     lines = [
         (
             row.bag,
@@ -191,16 +202,27 @@ def _detection_table(rows: Sequence[LocalisationRecord]) -> Table:
             formatted_number(100 * row.stealth_rate, 1),
             formatted_number(100 * row.false_alarm_rate, 2),
             formatted_number(100 * row.echo_rate, 1),
+            formatted_number(100 * row.window_detection_rate, 1),
+            formatted_number(row.window_delay_s, 1),
+            formatted_number(100 * row.window_false_alarm_rate, 2),
             formatted_number(100 * row.success_rate, 1),
         )
         for row in rows
     ]
-    return Table("The innovation test", heads, tuple(lines))
+    return Table("The innovation tests", heads, tuple(lines))
 
 
 def _overview(rows: Sequence[LocalisationRecord]) -> Table:
     """The main columns of both tables, for a terminal."""
-    heads = ("GNSS attack", "fixes attacked", "mean error m", "max error m", "detected %", "success %")
+    heads = (
+        "GNSS attack",
+        "fixes attacked",
+        "mean error m",
+        "max error m",
+        "detected %",
+        "by window %",
+        "success %",
+    )
     lines = tuple(
         (
             f"{row.bag}: {row.vehicle}",
@@ -208,6 +230,7 @@ def _overview(rows: Sequence[LocalisationRecord]) -> Table:
             _pair(row.clean.mean_m, row.adversarial.mean_m),
             _pair(row.clean.max_m, row.adversarial.max_m),
             formatted_number(100 * row.detection_rate, 1),
+            formatted_number(100 * row.window_detection_rate, 1),
             formatted_number(100 * row.success_rate, 1),
         )
         for row in rows

@@ -60,21 +60,21 @@ class Detection:
 
 @dataclass(frozen=True)
 class _ReceivedMessages:
-    """M received messages, (M,) each: numbers, flags of both detectors, senders and arrival times."""
+    """M received messages, (M,) each: numbers, flags of both detectors, senders, whether these attack, and
+    arrival times."""
 
     numbers: list[int | None]
     ours: Bools
     baseline: Bools
     senders: np.ndarray[Any, np.dtype[np.int64]]
+    is_attackers: Bools
     times_s: np.ndarray[Any, np.dtype[np.float64]]
 
     def scores(self, is_false_message: Bools, chosen: Bools) -> tuple[Scores, Scores]:
         """Scores of our detector and of the baseline on the chosen messages."""
         is_false, senders, times_s = is_false_message[chosen], self.senders[chosen], self.times_s[chosen]
-        return (
-            scores(self.ours[chosen], is_false, senders, times_s),
-            scores(self.baseline[chosen], is_false, senders, times_s),
-        )
+        about = is_false, senders, times_s, self.is_attackers[chosen]
+        return scores(self.ours[chosen], *about), scores(self.baseline[chosen], *about)
 
 
 def detect(
@@ -94,6 +94,8 @@ def detect(
     config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
     ours, baseline, senders, times_s, numbers, decoded = [], [], [], [], [], []
     flagged_by_check: Counter[str] = Counter()
+    attackers = {label.station_id for label in labels if label.attacker}
+    is_attackers: list[bool] = []
     for place, each in enumerate(receptions):
         judged = judge_all(each.claims, each.receivers, config)
         inside = window.holds([one.arrival_ns for one in each.received])
@@ -103,6 +105,7 @@ def detect(
         ours.append(judged.flagged[inside])
         baseline.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
         senders.append([place * 2**32 + (one.station_id or 0) for one in received])
+        is_attackers += [one.station_id in attackers for one in received]
         times_s.append([one.arrival_ns / 1e9 for one in received])
         decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
         numbers += [one.number for one in received]
@@ -113,6 +116,7 @@ def detect(
         _joined(ours, bool),
         _joined(baseline, bool),
         _joined(senders, np.int64),
+        np.array(is_attackers, bool),
         _joined(times_s, np.float64),
     )
     is_false_message = are_false(numbers, labels)

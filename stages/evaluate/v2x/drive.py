@@ -19,13 +19,14 @@ from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.catch import CatchParameters
 from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.pipeline.misbehaviour.roads import RoadMap
+from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.results.v2x import RadioMetrics, Warnings
 from advpipe.stages.evaluate.v2x.collision import known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
 from advpipe.stages.evaluate.v2x.missing_data import missing_data
 from advpipe.stages.evaluate.v2x.radio import MessageNumbers, radio_metrics
-from advpipe.stages.evaluate.v2x.receptions import read_receptions, roads_of_bag
+from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.evaluate.v2x.recording import read_recording
 
 

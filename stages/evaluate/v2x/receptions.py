@@ -17,11 +17,11 @@ from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.markers import lanes_of_markers
-from advpipe.pipeline.messages.topics import LANES, V2X_SENT, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle, claims_of_cams
-from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap, lanes
+from advpipe.pipeline.misbehaviour.roads import NO_ROADS
+from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.replay.v2x_drive import V2xStep, read_steps
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
@@ -97,13 +97,6 @@ def read_receptions(
             )
         )
     return found
-
-
-def roads_of_bag(reader: BagReader) -> RoadMap | None:
-    """The roads of a drive; None for a bag without them."""
-    if LANES.name not in reader.topics:
-        return None
-    return next((lanes(lanes_of_markers(message)) for _, message in reader.messages(LANES.name)), None)
 
 
 def _around(reader: BagReader, names: Iterable[str], window: Window) -> dict[str, _Around]:

@@ -53,6 +53,13 @@ FORMULAS = (
         title="F1 and MCC of misbehaviour detection",
     ),
     Formula(
+        "innocent flagged",
+        "share of the messages of stations that do not attack that are flagged; an attacker's true messages "
+        "are honest ones, too, but flagging them harms nobody who is honest",
+        ("innocent_false_positive_rate", "baseline_innocent_false_positive_rate"),
+        title="False positives of innocent stations",
+    ),
+    Formula(
         "latency",
         "time from the first false message of an attacker that a vehicle receives to the first one that is "
         "flagged, the mean over detected attackers; detected attackers: share of the attackers with any "
@@ -264,6 +271,7 @@ def _score_metrics(found: Scores) -> ScoreMetrics:
         latency_s=found.latency_s,
         caught=found.caught,
         false_positive_rate=found.false_positive_rate,
+        innocent_false_positive_rate=found.innocent_false_positive_rate,
     )
 
 

@@ -79,7 +79,7 @@ def draw_walkers(
     else:
         aside_m, raised_m = WALKWAY_OFFSET_M, KERB_M
         paths = [path for kerb in roads.kerbs_m for path in _paths(kerb) if _has_room(path, roads)]
-    if not paths:
+    if not paths or not routes_m:  # nobody would see them, and they carry no radio
         return []
     lengths = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
     middles = np.array([path[len(path) // 2, :2] for path in paths])

@@ -41,3 +41,15 @@ def test_latency_of_those_who_are_caught() -> None:
     assert found.latency_s == pytest.approx((2.0 + 0.0) / 2)
     assert found.caught == pytest.approx(2 / 3)
     assert (found.true_positives, found.false_positives) == (2, 1)
+
+
+def test_innocent_stations_are_counted_apart() -> None:
+    """Six honest messages, two of them an attacker's; three are flagged, one of an innocent station."""
+    truth = np.array([True, False, False, False, False, False, False])
+    flagged = np.array([True, True, True, True, False, False, False])
+    attackers = np.array([True, True, True, False, False, False, False])
+    found = scores(flagged, truth, np.arange(7), np.arange(7.0), attackers)
+    assert (found.false_positives, found.innocent, found.innocent_flagged) == (3, 4, 1)
+    assert found.false_positive_rate == pytest.approx(3 / 6)
+    assert found.innocent_false_positive_rate == pytest.approx(1 / 4)
+    assert scores(flagged, truth).innocent_false_positive_rate == pytest.approx(3 / 6)

@@ -48,7 +48,7 @@ BAD = {
     "sensors:\n  lidars:\n    lidar:\n      channels: 0\n": r"sensors\.lidars\.lidar\.channels \(line 7\)",
     "sensors:\n  lidars:\n    lidar:\n      rotation_frequency: 7\n": r"0\.142857 s, which is not a multiple",
     "sensors:\n  lidars:\n    lidar:\n      vehicle: bob\n": r"'bob' is not one of the vehicles",
-    "vehicles: {}\n": r"vehicles is empty",
+    "vehicles: {}\nv2x: {enabled: false}\n": r"vehicles is empty and V2X is off",
     "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank is not a known body; known: sedan",
     "traffic:\n  mix: {sedan: 0}\n": r"at least one share above zero",
     "traffic:\n  mix: {sedan: 1.0e+300}\n": r"mix\.sedan \(line 5\): .*less than or equal to 1000000",

@@ -15,7 +15,8 @@ from advpipe.stages.attack.registry import ATTACKS, default_budget, find_attack
 @pytest.mark.parametrize("name", ATTACKS)
 def test_they_are_those_of_the_class(name: str) -> None:
     attack_class, words = find_attack(name), parameter_words(name)
-    assert set(words) - {"recipe"} == set(known_parameters(attack_class))
+    assert set(words) - {"recipe", "preset"} == set(known_parameters(attack_class))
+    assert words.get("preset", ()) == tuple(attack_class.presets)
     assert bool(words.get("recipe")) == bool(resolved_recipe(attack_spec({"type": name}), attack_class))
     types = parameter_types(attack_class)
     assert {key for key, known in words.items() if known == SWITCH} == {

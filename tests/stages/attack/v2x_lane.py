@@ -1,7 +1,8 @@
 """A straight road to the east on which all vehicles drive at the same speed and send once per step.
 
 Numbers to work with by hand: station i has its middle at x0_i + 10 t, its front 2.25 m further, and sends
-i * 10 ms after the begin of each step of 0.1 s what was true at the begin.
+i * 10 ms (in a fleet of more than nine, i * 2 ms) after the begin of each step of 0.1 s what was true at the
+begin.
 """
 
 from __future__ import annotations
@@ -62,6 +63,7 @@ def cam(place, time_ns, acceleration_mps2=0.0):
 def lane(starts_m, steps, leaves=None, accelerations_mps2=None):
     """Steps of a drive. starts_m: x of each station at the begin. leaves: the first step without one."""
     leaves, accelerations_mps2 = leaves or {}, accelerations_mps2 or {}
+    apart_ns = (10 if max(starts_m) < 10 else 2) * MS
     drive = []
     for index in range(steps):
         begin_ns = BEGIN_NS + index * STEP_NS
@@ -75,7 +77,7 @@ def lane(starts_m, steps, leaves=None, accelerations_mps2=None):
                 1000 * index + place.station_id,
                 int(message_keys(place.station_id, begin_ns)),
                 place.station_id,
-                begin_ns + place.station_id * 10 * MS,
+                begin_ns + place.station_id * apart_ns,
                 cam(place, begin_ns, accelerations_mps2.get(place.station_id, 0.0)),
                 23.0,
             )

@@ -29,6 +29,7 @@ def follow() -> Follow:
         heading_rad: float = 0.0,
         first: int = 0,
         innovations: Sequence[Innovation] = (),
+        past_nis: Sequence[float] = (),
         seed: int = 1,
     ) -> list[np.ndarray | None]:
         spoof, spoofed = attack.begin(np.random.default_rng(seed)), []
@@ -36,9 +37,9 @@ def follow() -> Follow:
         for k in range(first, len(genuine)):
             interval_s = 0.1 if k > first else 0.0
             seen = (lambda now: lambda: innovations[now])(k)
-            spoofed.append(
-                spoof(SpoofingContext(genuine[: k + 1], 0.1 * (k - first), interval_s, heading_rad, seen))
-            )
+            elapsed_s = 0.1 * (k - first)
+            context = SpoofingContext(genuine[: k + 1], elapsed_s, interval_s, heading_rad, seen, past_nis)
+            spoofed.append(spoof(context))
         return spoofed
 
     return follow

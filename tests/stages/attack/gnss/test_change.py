@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.localisation import estimate_message, read_measurement
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.localisation.monitor import windowed_alarms
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
@@ -145,14 +146,26 @@ def test_jammed(drive):
 
 
 def test_an_aware_drift_passes_the_test_that_a_blind_one_fails(drive):
-    def squares(kind: str) -> np.ndarray:
-        spec = {"type": kind, "parameters": {"rate_mps": 10}, "schedule": {"from_s": 2}}
-        estimates = change(drive, spec).vehicles[0].estimates.values()
-        return np.array([estimate.innovation.nis for estimate in estimates])[20:]
+    moved_m: list[float] = []
+
+    def squares(kind: str, **parameters: object) -> np.ndarray:
+        spec = {"type": kind, "parameters": parameters, "schedule": {"from_s": 2}}
+        vehicle = change(drive, spec).vehicles[0]
+        last = vehicle.records[-1]
+        moved_m.append(float(np.linalg.norm(last.false_fix.position_m - last.true_m)))
+        return np.array([estimate.innovation.nis for estimate in vehicle.estimates.values()])
 
     gate = 16.266237  # chi-square, 3 degrees of freedom, 99.9 %
-    assert (squares("gnss-drift") > gate).sum() > 5
-    assert squares("gnss-drift-aware").max() <= 0.7 * gate + 1e-6
+    assert (squares("gnss-drift", rate_mps=10)[20:] > gate).sum() > 5
+    aware = squares("gnss-drift-aware")
+    assert aware[20:].max() <= 0.7 * gate + 1e-6
+    assert windowed_alarms(aware)[20:].mean() > 0.5
+    wary = squares("gnss-drift-aware", monitor="window")
+    assert not windowed_alarms(wary)[20:].any()
+    slow = squares("gnss-drift-aware", rate_mps=1)
+    assert slow[20:].max() <= 0.7 * gate + 1e-6
+    assert moved_m[1] > 3 * moved_m[3] > 3
+    assert moved_m[1] > moved_m[2] > 3
 
 
 def test_labels(drive, biased, tmp_path: Path):

@@ -13,7 +13,7 @@ def test_glitches_of_five_metres_one_in_fifty(follow):
     """1000 fixes with probability 0.02: 20 on average, standard deviation 4.4."""
     distances = np.linalg.norm(follow(Jump(), STILL), axis=1)
     jumped = distances > 0
-    assert 7 <= jumped.sum() <= 33
+    assert 7 <= jumped.sum() <= 34
     assert np.allclose(distances[jumped], 5)
 
 
@@ -23,6 +23,13 @@ def test_steps_add_up(follow):
     assert np.allclose(steps[steps > 0], 2)
     assert np.linalg.norm(spoofed[-1] - spoofed[0]) > 2  # more than 7 steps in random directions
     assert not spoofed[:, 2].any()
+
+
+def test_every_span_jumps_at_least_once(follow):
+    """Of spans of 20 fixes, two thirds would go by without a jump."""
+    for seed in range(20):
+        spoofed = np.linalg.norm(follow(Jump(), STILL[:20], seed=seed), axis=1)
+        assert spoofed[0] == pytest.approx(5)
 
 
 def test_always_and_never(follow):

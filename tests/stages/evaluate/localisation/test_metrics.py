@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from advpipe.stages.evaluate.localisation.metrics import errors, gate, localisation_record, was_attacked
+from advpipe.pipeline.localisation.monitor import nis_threshold, windowed_alarms
+from advpipe.stages.evaluate.localisation.metrics import errors, localisation_record, was_attacked
 from advpipe.stages.evaluate.localisation.track import LocalisationTrack
 
 TIMES_NS = 7_000_000_000 + 100_000_000 * np.arange(10)
@@ -23,7 +24,17 @@ def track(error_m=0.0, nis=3.0) -> LocalisationTrack:
 
 
 def test_the_threshold_is_that_of_the_tables():
-    assert gate() == pytest.approx(16.266, abs=1e-3)
+    assert nis_threshold() == pytest.approx(16.266, abs=1e-3)
+
+
+def test_the_windowed_test_adds_up_what_single_fixes_hide():
+    """The 99.9 % quantile of three fixes is 27.877 (9 degrees of freedom), so 10 each are too much from the
+    third on; a missing fix is passed over, and an honest one at the end ends the alarm."""
+    assert nis_threshold(3) == pytest.approx(27.877, abs=1e-3)
+    nis = np.array([10, 10, np.nan, 10, 10, 3, 3.0])
+    assert not (nis > nis_threshold()).any()
+    found = windowed_alarms(nis, 3)
+    assert found.tolist() == [False, False, False, True, True, False, False]
 
 
 def test_errors_by_hand():
@@ -65,6 +76,8 @@ def test_detection_by_hand():
     assert row.false_alarm_rate == pytest.approx(0.1)
     assert row.echo_rate == pytest.approx(1 / 3)  # of steps 7, 8 and 9
     assert row.success_rate == pytest.approx(0.5)
+    assert (row.window_detection_rate, row.window_false_alarm_rate) == (0, 1 / 10)
+    assert math.isnan(row.window_delay_s)
     assert row.clean.mean_m == 0
     assert row.adversarial.mean_m == pytest.approx(3)
     assert row.ate_m == pytest.approx(6 * math.sqrt(0.2))

@@ -16,8 +16,8 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.figure import Figure
 from advpipe.pipeline.core.frame_slice import FrameSlice
+from advpipe.pipeline.localisation.monitor import nis_threshold
 from advpipe.stages.evaluate.families import added_sections
-from advpipe.stages.evaluate.localisation.metrics import gate
 from advpipe.stages.evaluate.localisation.section import localisation_sections
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns, read_track
 from advpipe.stages.evaluate.options import Options
@@ -125,7 +125,7 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
     (row,) = rows_of(section)
     before, after = read_track(BagReader(clean), "ego"), read_track(BagReader(bag), "ego")
     off_m, clean_m = (np.linalg.norm(each.error_m[90:120, :2], axis=1) for each in (after, before))
-    alarm = after.nis[90:120:2] > gate()
+    alarm = after.nis[90:120:2] > nis_threshold()
     assert (row["fixes"], row["attacked"], row["lost"], row["span_s"]) == (15, 15, 0, 2.8)
     assert row["adv_mean_m"] == off_m[:29].mean()  # from the first attacked fix to the last one
     assert row["adv_max_m"] == off_m[:29].max()
@@ -133,7 +133,7 @@ def test_a_window_counts_what_the_whole_drives_tracks_hold_in_it(clean, attacked
     assert row["success_rate"] == (off_m[:29] > 5).mean()
     assert row["ate_m"] == np.sqrt((after.error_m[90:120] ** 2).sum(axis=1).mean())
     assert row["detection_rate"] == alarm.mean()
-    assert row["false_alarm_rate"] == (before.nis[90:120:2] > gate()).mean()
+    assert row["false_alarm_rate"] == (before.nis[90:120:2] > nis_threshold()).mean()
     caught = np.flatnonzero(alarm)
     assert row["delay_s"] == pytest.approx(0.2 * caught[0]) if len(caught) else np.isnan(row["delay_s"])
     assert section.tables[0].heads[-1] == "ATE m"

@@ -92,6 +92,26 @@ def test_what_is_no_cam_is_found_by_the_decoder(smoke: Path) -> None:
         assert each.true_positives + each.false_positives + each.true_negatives == len(claims) - 1
 
 
+def test_the_true_messages_of_attackers_are_not_those_of_innocent_stations(smoke: Path) -> None:
+    """Of the messages of an attacker, one is false; of a station whose GPS is spoofed, all are innocent."""
+    (ego,) = read_receptions(BagReader(smoke))
+    of_station: dict[int, list[int]] = {}
+    for one in ego.received:
+        assert one.number is not None
+        of_station.setdefault(one.station_id, []).append(one.number)
+    (attacker, own), (victim, theirs) = list(of_station.items())[:2]
+    labels = [
+        MessageLabel(own[0], "cam-dos", "car", "added", True, 0, attacker),
+        MessageLabel(theirs[0], "gnss-bias", "", "changed", False, 0, victim),
+    ]
+    found = detect([ego], labels)
+    assert len(own) > 1
+    assert found.false_messages == 1
+    for each in (found.ours, found.baseline):
+        assert each.innocent == len(ego.received) - len(own)
+        assert each.false_positives + each.true_negatives == each.innocent + len(own) - 1
+
+
 def test_each_attack_is_scored_without_the_false_messages_of_others(offset: Path) -> None:
     """A spoofed GPS in the same bag: one liar's messages are said to be its."""
     receptions, labels = read_receptions(BagReader(offset)), read_labels(offset)
@@ -136,13 +156,22 @@ def test_parts_of_a_mix_have_lines_of_their_own(offset: Path, tmp_path: Path) ->
     [
         ({"type": "cam-speed-constant", "parameters": {"speed_mps": 0}}, {"cam-speed-constant": 0.907}),
         ({"type": "cam-speed-constant"}, {}),
-        ({"type": "cam-delay"}, {"cam-delay": 0.062}),
+        ({"type": "cam-delay"}, {}),
+        ({"type": "cam-delay", "parameters": {"preset": "nextgen"}}, {"cam-delay": 0.062}),
+        ({"type": "cam-dos", "parameters": {"preset": "nextgen"}}, {"cam-dos": 0.353}),
+        ({"type": "cam-dos", "parameters": {"preset": "f2md"}}, {}),
         ({"type": "gnss-bias"}, {}),
-        ({"type": "cam-mix", "parameters": {"attacks": "cam-drop,cam-dos"}}, {"cam-dos": 0.353}),
+        (
+            {"type": "cam-mix", "parameters": {"attacks": "cam-drop,cam-speed-offset"}},
+            {"cam-speed-offset": 0.637},
+        ),
     ],
 )
 def test_published_figures(keys: dict[str, Any], published: dict[str, float]) -> None:
-    """Of constant speeds, that of zero. A bag of a version that did not declare them tells none."""
+    """Of constant speeds, that of zero; of others that differ from ours, that of the preset.
+
+    A bag of a version that did not declare them tells none.
+    """
     attacks = AttackRequest((AttackSpec(**keys),)).resolved()
     assert published_f1(Provenance({"attacks": json.dumps(attacks)})) == published
     del attacks[0]["declared"]
