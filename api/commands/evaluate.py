@@ -28,6 +28,7 @@ def evaluate(
     device: str = Options.device,
     frames: str = "::",
     defence: str | Sequence[str] = Options.defences,
+    detect_attacks: str | Sequence[str] = Options.detect_attacks,
     seed: int = Options.seed,
     baseline: bool = Options.baseline,
     baseline_tries: int | None = Options.baseline_tries,
@@ -49,9 +50,10 @@ def evaluate(
     bag. detector: a shipped name, a .safetensors file, or `module:Class`; several make a matrix of transfer.
     device: where it computes, `cpu`, `cuda` or `cuda:N`. frames: `start:stop:step`, counted in the clean bag:
     which clouds detection looks at. defence: `NAME[:parameters]` before the detector, such as `jitter:0.02`,
-    or several. seed: of the bootstrap, the baselines and the defences. baseline: also scores a random
-    attack with the same budget; baseline_tries: its queries, of which it keeps the best, by default as many
-    as the attack has.
+    or several. detect_attacks: checks that try to tell attacked clouds from clean ones, `all` or `none`.
+    seed: of the bootstrap, the baselines and the defences. baseline: also scores a random attack with the
+    same budget; baseline_tries: its queries, of which it keeps the best, by default as many as the attack
+    has.
     lidar: the topic of the clouds, among several. lidar_height_m: its height above the ground where that
     differs from what the detector expects: clouds are shifted for the detector. level: fits the ground in
     each cloud, and levels and shifts the cloud. scale_intensity: multiplies intensities. Boxes
@@ -87,6 +89,7 @@ def evaluate(
         baseline=baseline,
         baseline_tries=baseline_tries,
         defences=(defence,) if isinstance(defence, str) else tuple(defence),
+        detect_attacks=(detect_attacks,) if isinstance(detect_attacks, str) else tuple(detect_attacks),
         frames=chosen,
         lidar_topic=lidar,
         lidar_height_m=lidar_height_m,

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Detections, VoxelGrid
 from advpipe.pipeline.messages.cloud import Cloud
 
@@ -18,7 +19,7 @@ Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]
 
 
-class CheckNotApplicableError(Exception):
+class CheckNotApplicableError(AdvpipeError):
     """A check lacks what it needs, such as rings; its text ends the sentence "not run: ..."."""
 
 

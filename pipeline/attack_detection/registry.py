@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from advpipe.pipeline.attack_detection.base import AttackCheck, DefenderKnowledge, Suspicion
 from advpipe.pipeline.attack_detection.density import DensityCheck
+from advpipe.pipeline.attack_detection.names import ALL, NONE
 from advpipe.pipeline.attack_detection.occlusion_order import OcclusionOrderCheck
 from advpipe.pipeline.attack_detection.ray import RayCheck
 from advpipe.pipeline.attack_detection.voxel_face import VoxelFaceCheck
@@ -24,8 +25,6 @@ ATTACK_CHECKS: Mapping[str, MakeCheck] = {
     "density": DensityCheck,
     "occlusion-order": OcclusionOrderCheck,
 }
-
-ALL, NONE = "all", "none"
 
 
 def parse_attack_checks(names: Sequence[str]) -> dict[str, MakeCheck]:

@@ -115,7 +115,8 @@ class SensorGeometry:
         by_height = known[np.argsort(self.elevations_rad[known])]
         heights = self.elevations_rad[by_height]
         nearest = np.searchsorted((heights[1:] + heights[:-1]) / 2, way.elevation_rad)
-        column = np.rint(way.azimuth_rad * (self.columns / (2 * np.pi)) - self.phase).astype(np.int64)
+        place = way.azimuth_rad * (self.columns / (2 * np.pi)) - self.phase
+        column = np.rint(np.nan_to_num(place)).astype(np.int64)
         return np.where(np.isfinite(way.range_m), by_height[nearest], -1), column % self.columns
 
     def directions(self, ring: Int64, column: Int64) -> Float64:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.completion import defence_names, detector_names
+from advpipe.pipeline.cli.completion import attack_check_names, defence_names, detector_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -48,6 +48,16 @@ def evaluate_command(
         list[str] | None,
         cli_option(Options, "defences", "--defence", show_default=False, autocompletion=defence_names),
     ] = None,
+    detect_attacks: Annotated[
+        list[str] | None,
+        cli_option(
+            Options,
+            "detect_attacks",
+            "--detect-attacks",
+            show_default=", ".join(Options.detect_attacks),
+            autocompletion=attack_check_names,
+        ),
+    ] = None,
     seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
     baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
@@ -74,6 +84,7 @@ def evaluate_command(
         device=device,
         frames=frames,
         defence=defence or (),
+        detect_attacks=detect_attacks or Options.detect_attacks,
         seed=seed,
         baseline=baseline,
         baseline_tries=baseline_tries,

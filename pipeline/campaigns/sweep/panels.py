@@ -63,6 +63,7 @@ def load_scenes(
             frames=FrameSlice(frame, frame + 1),
             lidar_topic=settings.lidar_topic,
             device=device,
+            detect_attacks=("none",),
         ),
     )
     scenes = []

@@ -25,7 +25,9 @@ from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_difference
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
+from advpipe.stages.evaluate.detection.attack_checks import AttackChecks
 from advpipe.stages.evaluate.detection.baseline import RandomBaselines, attack_query_budget
+from advpipe.stages.evaluate.detection.checked_cloud import CheckedCloud, CheckedFrame
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
     Comparison,
@@ -54,8 +56,8 @@ RANDOM_RECIPES = ("random", "random-near", "random-best")
 class DetectionRun:
     """A detector on the clouds of a clean bag and of adversarial versions of it, with the provenance of each.
 
-    Of the options it follows those on frames, LiDAR, baselines, defences, seed and device; several processes
-    may share a GPU, each with a context of its own.
+    Of the options it follows those on frames, LiDAR, baselines, defences, attack checks, seed and device;
+    several processes may share a GPU, each with a context of its own.
     """
 
     detector: str
@@ -120,6 +122,7 @@ class DetectionRun:
         detector = CachedDetector(adapted_detector(loaded, adaptation))
         reader, lidar_topic = BagReader(self.clean), self.options.lidar_topic
         occlusion = Occlusion(reader, find_lidar_topic(reader, lidar_topic))
+        checks = AttackChecks.learnt(self.options, self.clean, loaded) if self.adversarial else None
         frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
         pairs = pair_frames(self.clean, tuple(self.adversarial), frames, lidar_topic, is_part=is_part)
         last = frames.indices(count_frames(self.clean, lidar_topic))[-1]
@@ -140,14 +143,21 @@ class DetectionRun:
                 clean = FrameResult(
                     frame.index, -1, frame.stamp_ns, truth, found, defended=defended, note=note
                 )
-                if not self.adversarial:
+                if checks is None:
                     return [clean]
+                checked = checks.on_clean(frame.cloud, found.detections)
                 # What it finds in each adversarial cloud, and in clouds changed randomly as much.
-                return [
+                attacked = [
                     self._attacked((detector, known), clean, frame.cloud, version, provenance)
                     if version
                     else None
                     for version, provenance in zip(versions, self.adversarial.values(), strict=True)
+                ]
+                return [
+                    _with_checks(result, checks, checked, frame.cloud, version.cloud)
+                    if result and version
+                    else None
+                    for result, version in zip(attacked, versions, strict=True)
                 ]
 
         return score_frame
@@ -203,6 +213,22 @@ class DetectionRun:
                 len(defended.cloud),
             )
         return results
+
+
+def _with_checks(
+    result: FrameResult,
+    checks: AttackChecks,
+    clean_checks: Mapping[str, CheckedCloud],
+    clean: Cloud,
+    cloud: Cloud,
+) -> FrameResult:
+    """The result with what the attack checks say of both clouds."""
+    change, found = cloud_difference(clean, cloud), result.adversarial
+    judged: Mapping[str, CheckedCloud] = {}
+    if found and (len(change.removed) or len(change.added) or len(change.moved)):
+        judged = checks.on_attacked(cloud, change, found.detections, result.clean.detections)
+    both = {name: CheckedFrame(each, judged.get(name)) for name, each in clean_checks.items()}
+    return replace(result, attack_checks=both, checks_not_run=checks.not_run)
 
 
 def _cloud_result(

@@ -90,6 +90,7 @@ OPTIONS = (
         "--quick",
         "--overwrite",
         "--defence",
+        "--detect-attacks",
         "--baseline-tries",
         "--steps",
         "--learning-rate",
