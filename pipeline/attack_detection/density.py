@@ -74,12 +74,15 @@ class LossModel:
 
     def excess(self, image: RangeImage) -> Float64:
         """Of missing returns in the window around each ray (R, C), in standard deviations."""
-        situation = np.minimum(_situations(image), len(self.share) - 1)
-        share = self.share[situation]
-        missing = window_sums((image.count == 0) - share, *WINDOW)
-        spread = np.sqrt(window_sums(share * (1 - share), *WINDOW) + 1.0)
+        missing, spread = self.windows(image)
         over: Float64 = missing / spread
         return over
+
+    def windows(self, image: RangeImage) -> tuple[Float64, Float64]:
+        """The excess of missing returns in the window around each ray (R, C), and its standard deviation."""
+        share = self.share[np.minimum(_situations(image), len(self.share) - 1)]
+        missing = window_sums((image.count == 0) - share, *WINDOW)
+        return missing, np.sqrt(window_sums(share * (1 - share), *WINDOW) + 1.0)
 
 
 def _situations(image: RangeImage) -> Int64:

@@ -14,8 +14,8 @@ Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-MIN_TOLERANCE_RAD = 2.5e-7
-"""Twice the angle by which rounding to float32 turns a ray."""
+MIN_TOLERANCE_RAD = 4e-7
+"""More than the angle by which rounding to float32, twice, turns a ray."""
 
 TYPICAL = 0.999
 """The share of clean points that lie within half of a tolerance; others may be of moving objects."""

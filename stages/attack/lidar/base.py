@@ -22,7 +22,7 @@ from advpipe.stages.attack.base import Attack, Traits
 NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 """The note on a frame where the loss has no gradient."""
 
-QUERYING = ("best", "robust", "random-best")
+QUERYING = ("best", "robust", "stealthy", "random-best")
 """The recipes that query the detector, and keep the best candidate."""
 
 MAX_ROUNDS = 1_000_000

@@ -11,11 +11,13 @@ from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
-from advpipe.pipeline.adversary.greedy_allocation import queries
+from advpipe.pipeline.adversary.greedy_allocation import greedy_allocation, queries
+from advpipe.pipeline.adversary.missing_returns import MissingReturnLimit
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.random_best import MARGIN_M, RandomBest
 from advpipe.pipeline.adversary.removal_problem import remove_greedily
 from advpipe.pipeline.adversary.targets import AttackTargets, look
+from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -37,8 +39,9 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
+from advpipe.stages.attack.lidar.stealthy import NO_RINGS, StealthyDetachProblem
 
-RECIPES = ("best", "robust", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "robust", "stealthy", "paper", "random", "random-near", "random-best")
 
 JITTER_M = 0.01
 """The noise under which the recipe `robust` evaluates its candidates."""
@@ -53,11 +56,12 @@ class Detach(LidarAttack):
 
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
-    recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
-        budget on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm,
-        without a significant effect where it was measured; "paper" is the greedy gradient-norm saliency of
-        the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the baseline that
+    recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the budget
+        on the objects that are lost with the fewest points; "robust" does so under jitter of 1 cm, without a
+        significant effect where it was measured; "stealthy" removes at most so many points, and in no window
+        of rays so many that the density check of `evaluate` notices; "paper" is the greedy gradient-norm
+        saliency of the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere,
+        "random-near" near objects, "random-best" there with the selection of "best": the baseline that
         reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
     near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
@@ -179,6 +183,8 @@ class Detach(LidarAttack):
         owner = np.full(len(scene), -1, np.int64)
         owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
         jitter_m = JITTER_M if self.recipe == "robust" else 0.0
+        if self.recipe == "stealthy":
+            return self._stealthily(scene, owner, budget, objective, rng)
         problem = DetachProblem(xyzi(scene), owner, objective, rng, jitter_m)
         chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         is_plain = not isinstance(detector, VoxelDetector)
@@ -186,6 +192,22 @@ class Detach(LidarAttack):
             "nothing more to gain: the rest removed at random" if short else "",
             "no occupancy_loss: points by the gradient of the loss" if is_plain else "",
         )
+
+    def _stealthily(
+        self,
+        scene: Cloud,
+        owner: Indices,
+        budget: int,
+        objective: AttackObjective,
+        rng: np.random.Generator,
+    ) -> tuple[Indices, str]:
+        """At most `budget` points that the density check would not miss, and a note for the user."""
+        sensor = SensorGeometry.learnt([scene])
+        if sensor is None:
+            return np.zeros(0, np.int64), NO_RINGS
+        limit = MissingReturnLimit(scene, sensor)
+        problem = StealthyDetachProblem(xyzi(scene), owner, objective, rng, limit=limit)
+        return np.concatenate(greedy_allocation(problem, budget, self.query_budget))[:budget], ""
 
     def _greedily(
         self,
