@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -28,10 +28,20 @@ class DefenderKnowledge:
     """What a defender knows beforehand.
 
     clean: some clouds of the sensor that nobody attacked. grid: the voxels of its own detector, if any.
+    detect: its own detector; None gives no detections.
     """
 
     clean: Sequence[Cloud]
     grid: VoxelGrid | None = None
+    detect: Callable[[Cloud], Detections] | None = None
+
+    @cached_property
+    def detections(self) -> tuple[Detections, ...]:
+        """What the detector finds in each of the clean clouds."""
+        if self.detect is None:
+            none = Detections(np.zeros((0, 7)), np.zeros(0), np.zeros(0, np.int64))
+            return (none,) * len(self.clean)
+        return tuple(self.detect(cloud) for cloud in self.clean)
 
     @cached_property
     def sensor(self) -> SensorGeometry:

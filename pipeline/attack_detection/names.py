@@ -5,7 +5,7 @@ from __future__ import annotations
 POINT_CHECKS = ("ray", "voxel-face", "density", "occlusion-order")
 """Those that read points alone. They are cheap, and evaluations run them by default."""
 
-BOX_CHECKS = ()
+BOX_CHECKS = ("carlo", "shadow-catcher")
 """Published ones, which judge detected boxes."""
 
 ALL, NONE = "all", "none"

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from advpipe.pipeline.attack_detection.base import AttackCheck, DefenderKnowledge, Suspicion
+from advpipe.pipeline.attack_detection.carlo import CarloCheck
 from advpipe.pipeline.attack_detection.density import DensityCheck
 from advpipe.pipeline.attack_detection.names import ALL, NONE
 from advpipe.pipeline.attack_detection.occlusion_order import OcclusionOrderCheck
 from advpipe.pipeline.attack_detection.ray import RayCheck
+from advpipe.pipeline.attack_detection.shadow_catcher import ShadowCatcherCheck
 from advpipe.pipeline.attack_detection.voxel_face import VoxelFaceCheck
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import import_object
@@ -24,6 +26,8 @@ ATTACK_CHECKS: Mapping[str, MakeCheck] = {
     "voxel-face": VoxelFaceCheck,
     "density": DensityCheck,
     "occlusion-order": OcclusionOrderCheck,
+    "carlo": CarloCheck,
+    "shadow-catcher": ShadowCatcherCheck,
 }
 
 

@@ -16,7 +16,7 @@ from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Voxel
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.cloud_difference import CloudDifference
 from advpipe.stages.evaluate.detection.checked_cloud import CheckedCloud
-from advpipe.stages.evaluate.detection.scoring import new_boxes
+from advpipe.stages.evaluate.detection.scoring import CachedDetector, new_boxes
 from advpipe.stages.evaluate.options import Options
 
 CALIBRATION_CLOUDS = 8
@@ -34,8 +34,10 @@ class AttackChecks:
     not_run: Mapping[str, str]
 
     @classmethod
-    def learnt(cls, options: Options, clean: Path, detector: ObjectDetector) -> AttackChecks:
-        """The chosen checks. detector: before it is adapted to the clouds."""
+    def learnt(
+        cls, options: Options, clean: Path, detector: ObjectDetector, scored: CachedDetector
+    ) -> AttackChecks:
+        """The chosen checks. detector: before it is adapted to the clouds; scored: as it is scored."""
         chosen = parse_attack_checks(options.detect_attacks)
         if not chosen:
             return cls({}, {})
@@ -45,7 +47,7 @@ class AttackChecks:
         clouds = [scan.cloud for _, scan, _ in read_clouds(clean, spread, lidar_topic=options.lidar_topic)]
         known, _ = detector_for_cloud(detector, options.adaptation, xyz(clouds[0]), detector)
         grid = known.voxel_grid if isinstance(known, VoxelDetector) else None
-        knowledge = DefenderKnowledge(clouds, grid)
+        knowledge = DefenderKnowledge(clouds, grid, lambda cloud: _sure(scored.detect(cloud)))
         checks, not_run = {}, {}
         for name, make in chosen.items():
             try:

@@ -122,7 +122,7 @@ class DetectionRun:
         detector = CachedDetector(adapted_detector(loaded, adaptation))
         reader, lidar_topic = BagReader(self.clean), self.options.lidar_topic
         occlusion = Occlusion(reader, find_lidar_topic(reader, lidar_topic))
-        checks = AttackChecks.learnt(self.options, self.clean, loaded) if self.adversarial else None
+        checks = AttackChecks.learnt(self.options, self.clean, loaded, detector) if self.adversarial else None
         frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
         pairs = pair_frames(self.clean, tuple(self.adversarial), frames, lidar_topic, is_part=is_part)
         last = frames.indices(count_frames(self.clean, lidar_topic))[-1]

@@ -5,6 +5,7 @@ import pytest
 from rotating import NOTHING, knowledge, turn
 
 from advpipe.pipeline.attack_detection.base import Suspicion
+from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS
 from advpipe.pipeline.attack_detection.registry import ATTACK_CHECKS, parse_attack_checks
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
@@ -23,6 +24,7 @@ class Wrong(Bright):
 
 
 def test_names():
+    assert (*POINT_CHECKS, *BOX_CHECKS) == tuple(ATTACK_CHECKS)
     assert list(parse_attack_checks(["ray", "density"])) == ["ray", "density"]
     assert list(parse_attack_checks(["all"])) == list(ATTACK_CHECKS)
     assert parse_attack_checks(["none"]) == {}
