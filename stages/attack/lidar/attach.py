@@ -196,7 +196,8 @@ class Attach(LidarAttack):
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         if len(places) < (1 if self.recipe == "stealthy" else self.points):
-            return unchanged(cloud, "the constraints leave no place for so many points", loss_before)
+            note = note or "the constraints leave no place for so many points"
+            return unchanged(cloud, note, loss_before)
         added = scene[places.source].copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = places.points[:, column]
