@@ -37,7 +37,6 @@ from advpipe.stages.evaluate.training_map import MapStatus
 SCORING = (
     *CLOUDS,
     "pipeline/messages/cloud_difference.py",
-    "pipeline/attack_detection",
     "pipeline/defences",
     "pipeline/results",
     "stages/evaluate/detection",

@@ -58,7 +58,7 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-RECIPES = ("best", "robust", "stealthy", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "robust", "paper", "stealthy", "random", "random-near", "random-best")
 
 MAX_EPS_M = 5.0
 
@@ -120,8 +120,8 @@ class Attach(LidarAttack):
             "rounds": QUERYING,
             "goal": QUERYING,
             "weight": ("paper",),
-            "decay_m": ("best", "robust"),
-            "intensity": QUERYING,
+            "decay_m": ("best", "robust", "stealthy"),
+            "intensity": tuple(recipe for recipe in QUERYING if recipe != "stealthy"),
         },
     )
 

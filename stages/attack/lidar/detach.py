@@ -41,7 +41,7 @@ from advpipe.stages.attack.lidar.detach_problem import DetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 from advpipe.stages.attack.lidar.stealthy import NO_RINGS, StealthyDetachProblem
 
-RECIPES = ("best", "robust", "stealthy", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "robust", "paper", "stealthy", "random", "random-near", "random-best")
 
 JITTER_M = 0.01
 """The noise under which the recipe `robust` evaluates its candidates."""

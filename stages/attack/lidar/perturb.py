@@ -52,8 +52,8 @@ NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 RECIPES = {
     "best": 24,
     "robust": 24,
-    "stealthy": 24,
     "paper": 40,
+    "stealthy": 24,
     "random": 1,
     "random-near": 1,
     "random-best": 24,

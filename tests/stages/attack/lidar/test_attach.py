@@ -10,9 +10,13 @@ from scipy.spatial import cKDTree
 from advpipe.pipeline.adversary.constraints import Constraints, Rules
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.cloud import xyz, xyzi
-from advpipe.stages.attack.lidar.attach import RECIPES, Attach
+from advpipe.stages.attack.lidar.attach import RECIPES as EVERY_RECIPE
+from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
 from advpipe.stages.attack.lidar.base import NO_GRADIENT
+
+RECIPES = tuple(name for name in EVERY_RECIPE if name != "stealthy")
+"""Those that need no rings; the others are in `test_stealthy`."""
 
 CHANCE = ("random", "random-near", "random-best")
 
