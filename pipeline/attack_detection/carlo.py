@@ -44,7 +44,8 @@ class CarloCheck:
             for cloud, found in zip(knowledge.clean, knowledge.detections, strict=True)
             for frustum in box_frustums(_finite(cloud), found.boxes)
         ]
-        self._valid, self._fake = np.quantile(shares, [VALID_QUANTILE, FAKE_QUANTILE]) if shares else (0, 1)
+        self._valid = float(np.quantile(shares, VALID_QUANTILE)) if shares else 0.0
+        self._fake = float(np.quantile(shares, FAKE_QUANTILE)) if shares else 1.0
 
     def __call__(self, cloud: Cloud, detections: Detections) -> Suspicion:
         return worst(np.array([self._score(each) for each in box_frustums(_finite(cloud), detections.boxes)]))
@@ -61,10 +62,12 @@ class CarloCheck:
 def free_share(frustum: BoxFrustum) -> float:
     """The share of a box's cells that rays cross before they return; a cell with a return is not free."""
     shape = np.maximum(np.ceil(2 * frustum.half_m / CELL_M - 1e-9).astype(np.int64), 1)
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
 
     def cells(places: Float64) -> npt.NDArray[np.int64]:
         index = np.floor((places + frustum.half_m) / (2 * frustum.half_m) * shape).astype(np.int64)
-        return np.ravel_multi_index(tuple(np.clip(index, 0, shape - 1).T), tuple(shape))
+        number: npt.NDArray[np.int64] = np.clip(index, 0, shape - 1) @ strides
+        return number
 
     last_m = np.minimum(frustum.far_m, frustum.range_m)
     count = np.maximum(np.ceil((last_m - frustum.near_m) / STEP_M).astype(np.int64), 0)
@@ -80,4 +83,5 @@ def free_share(frustum: BoxFrustum) -> float:
 
 def _finite(cloud: Cloud) -> Float64:
     points = xyz(cloud).astype(np.float64)
-    return points[np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)]
+    kept: Float64 = points[np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)]
+    return kept

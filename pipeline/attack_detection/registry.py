@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from advpipe.pipeline.attack_detection.base import AttackCheck, DefenderKnowledge, Suspicion
 from advpipe.pipeline.attack_detection.carlo import CarloCheck
 from advpipe.pipeline.attack_detection.density import DensityCheck
@@ -77,7 +79,7 @@ def _refuse_invalid(found: Suspicion, points: int, detections: int) -> None:
     """Raises TypeError or ValueError for what is no suspicion on a cloud of so many points."""
     if not isinstance(found, Suspicion):
         raise TypeError(f"returned {type(found).__name__} instead of a Suspicion")
-    if found.points is not None and (found.points.shape, found.points.dtype) != ((points,), bool):
+    if found.points is not None and (found.points.shape != (points,) or found.points.dtype != np.bool_):
         raise ValueError(f"points has the shape {found.points.shape}, not ({points},) of bool")
     if found.detections is not None and found.detections.shape != (detections,):
         raise ValueError(f"detections has the shape {found.detections.shape}, not ({detections},)")
