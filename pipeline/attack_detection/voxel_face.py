@@ -41,9 +41,8 @@ class VoxelFaceCheck:
         distance_m = face_distance_m(points, self._grid)
         inside = np.flatnonzero(np.isfinite(distance_m))
         at_face = distance_m <= AT_FACE_M
-        tile = np.floor(points[inside, :2] / TILE_M).astype(np.int64)
-        _, number = np.unique(tile, axis=0, return_inverse=True)
-        number = number.reshape(-1)
+        east, north = np.floor(points[inside, :2] / TILE_M).astype(np.int64).T
+        _, number = np.unique((east << 32) + north, return_inverse=True)
         total = np.bincount(number).astype(np.float64)
         found = np.bincount(number, at_face[inside], len(total))
         enough = total >= MIN_TILE_POINTS
