@@ -38,13 +38,23 @@ class OcclusionOrderCheck:
 
 def seen_through(range_m: Float64) -> Bool:
     """Which returns (R, C) lie behind all of their eight neighbours, every one of which returns."""
+    behind: Bool = range_m > np.max(_neighbours(range_m), axis=0) + SURFACE_M  # False where one is NaN
+    return behind
+
+
+def farthest_neighbour(range_m: Float64) -> Float64:
+    """The range of the farthest of the neighbours of each ray (R, C) that return; infinite if none does."""
+    farthest: Float64 = np.fmax.reduce(_neighbours(range_m))
+    return np.where(np.isnan(farthest), np.inf, farthest)
+
+
+def _neighbours(range_m: Float64) -> list[Float64]:
+    """The ranges (R, C) of each of the eight rays around every ray; NaN beyond the outermost rings."""
     padded = np.pad(np.pad(range_m, ((1, 1), (0, 0)), constant_values=np.nan), ((0, 0), (1, 1)), mode="wrap")
     rows, columns = range_m.shape
-    around = [
+    return [
         padded[row : row + rows, column : column + columns]
         for row in range(3)
         for column in range(3)
         if (row, column) != (1, 1)
     ]
-    behind: Bool = range_m > np.max(around, axis=0) + SURFACE_M  # False where a neighbour is NaN
-    return behind

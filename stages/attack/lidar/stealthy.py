@@ -13,6 +13,7 @@ from advpipe.pipeline.adversary.constraints import Rules
 from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.missing_returns import MissingReturnLimit
 from advpipe.pipeline.adversary.places import Places, no_places, places_at
+from advpipe.pipeline.attack_detection.occlusion_order import SURFACE_M, farthest_neighbour
 from advpipe.pipeline.attack_detection.range_image import RangeImage
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.geometry.boxes import points_in_boxes
@@ -70,7 +71,10 @@ def empty_ray_places(
     offset_m = (ray[beside][:, None] * along_m[..., None]).reshape(-1, 3) - points[source]
     clean = np.column_stack([xyz(scene), scene["intensity"]])
     places = places_at(clean, source, offset_m, boxes, margin_m, eps_m, rules)
-    return places[np.flatnonzero(~rules.hidden(places.points[:, :3]))]
+    behind_m = farthest_neighbour(image.range_m) + SURFACE_M
+    cloud = cloud_of_xyzi(places.points)
+    in_front = np.linalg.norm(xyz(cloud), axis=1) < behind_m.flat[RangeImage.of(cloud, sensor).ray]
+    return places[np.flatnonzero(in_front & ~rules.hidden(places.points[:, :3]))]
 
 
 def rays_of(places: Places, sensor: SensorGeometry) -> Int64:

@@ -6,7 +6,11 @@ from rotating import COLUMNS, NOTHING, cloud_of, knowledge, ranges, rays, turn
 
 from advpipe.pipeline.attack_detection.base import CheckNotApplicableError, DefenderKnowledge
 from advpipe.pipeline.attack_detection.density import DensityCheck
-from advpipe.pipeline.attack_detection.occlusion_order import OcclusionOrderCheck, seen_through
+from advpipe.pipeline.attack_detection.occlusion_order import (
+    OcclusionOrderCheck,
+    farthest_neighbour,
+    seen_through,
+)
 from advpipe.pipeline.attack_detection.range_image import RangeImage, window_sums
 from advpipe.pipeline.attack_detection.ray import RayCheck
 from advpipe.pipeline.attack_detection.voxel_face import VoxelFaceCheck, face_distance_m
@@ -82,6 +86,13 @@ def test_a_return_behind_all_of_its_neighbours_is_suspicious():
     assert not seen_through(image).any()
     image[1, 2] = 10.2  # nearer than it by less than half a metre
     assert not seen_through(image).any()
+
+
+def test_the_farthest_neighbour_that_returns():
+    image = np.full((3, 6), np.nan)
+    image[1, 2], image[0, 3] = 8.0, 12.0
+    found = farthest_neighbour(image)
+    assert (found[1, 1], found[1, 3], found[2, 3], found[1, 5]) == (8, 12, 8, np.inf)
 
 
 def test_windows_go_round_the_turn():
