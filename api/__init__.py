@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from advpipe.pipeline.adversary.targets import AttackTargets as AttackTargets
     from advpipe.pipeline.adversary.targets import detection_loss as detection_loss
     from advpipe.pipeline.adversary.targets import find_targets as find_targets
+    from advpipe.pipeline.attack_detection.base import AttackCheck as AttackCheck
+    from advpipe.pipeline.attack_detection.base import CheckNotApplicableError as CheckNotApplicableError
+    from advpipe.pipeline.attack_detection.base import DefenderKnowledge as DefenderKnowledge
+    from advpipe.pipeline.attack_detection.base import Suspicion as Suspicion
     from advpipe.pipeline.bag.frames import Frame as Frame
     from advpipe.pipeline.bag.reader import BagReader as BagReader
     from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
@@ -131,6 +135,9 @@ _NAMES_OF = {
     "commands.sweep": ("sweep",),
     "commands.train": ("train",),
     "commands.verify": ("verify",),
+    "pipeline.attack_detection.base": (
+        *("AttackCheck", "CheckNotApplicableError", "DefenderKnowledge", "Suspicion"),
+    ),
     "pipeline.bag.frames": ("Frame",),
     "pipeline.bag.reader": ("BagReader",),
     "pipeline.campaigns.sweep.run": ("SweepReport",),

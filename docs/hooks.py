@@ -166,11 +166,13 @@ def figures(section: str) -> str:
     from advpipe.stages.evaluate.coordinated import section as coordinated
     from advpipe.stages.evaluate.kitti import section as kitti
     from advpipe.stages.evaluate.localisation import section as localisation
+    from advpipe.stages.evaluate.report import attack_detection
     from advpipe.stages.evaluate.report.report import DEFINITIONS
     from advpipe.stages.evaluate.v2x import section as v2x
 
     formulas = {
         "detection": DEFINITIONS,
+        "attack_detection": attack_detection.FORMULAS,
         "kitti": kitti.FORMULAS,
         "localisation": localisation.FORMULAS,
         "v2x": v2x.FORMULAS,

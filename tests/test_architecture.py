@@ -28,7 +28,8 @@ LAYERS = (
     {"scenario"},
     {"bag", "baselines", "birds_eye", "labels", "live", "results", "viewer"},
     {"image_labels", "replay", "dataset", "detector", "viewer_layouts"},
-    {"adversary", "defences"},
+    {"attack_detection", "defences"},
+    {"adversary"},
 )
 """Of `pipeline/`, from the ground up; each imports only from its own layer and those below it."""
 

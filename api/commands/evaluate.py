@@ -29,6 +29,7 @@ def evaluate(
     frames: str = "::",
     defence: str | Sequence[str] = Options.defences,
     defence_frames: int | None = Options.defence_frames,
+    detect_attacks: str | Sequence[str] = Options.detect_attacks,
     seed: int = Options.seed,
     baseline: bool = Options.baseline,
     baseline_tries: int | None = Options.baseline_tries,
@@ -51,6 +52,7 @@ def evaluate(
     device: where it computes, `cpu`, `cuda` or `cuda:N`. frames: `start:stop:step`, counted in the clean bag:
     which clouds detection looks at. defence: `NAME[:parameters]` before the detector, such as `jitter:0.02`,
     or several; or `default`, `all` or `none`. defence_frames: the most frames that defences are scored on.
+    detect_attacks: checks that try to tell attacked clouds from clean ones, `all` or `none`.
     seed: of the bootstrap, the baselines and the defences. baseline: also scores a random attack with the
     same budget; baseline_tries: its queries, of which it keeps the best, by default as many as the attack
     has.
@@ -90,6 +92,7 @@ def evaluate(
         baseline_tries=baseline_tries,
         defences=(defence,) if isinstance(defence, str) else tuple(defence),
         defence_frames=defence_frames,
+        detect_attacks=(detect_attacks,) if isinstance(detect_attacks, str) else tuple(detect_attacks),
         frames=chosen,
         lidar_topic=lidar,
         lidar_height_m=lidar_height_m,

@@ -51,6 +51,13 @@ def defence_names(incomplete: str) -> list[str]:
     return _beginning([*names(), "default", "all", "none"], incomplete)
 
 
+def attack_check_names(incomplete: str) -> list[str]:
+    """The checks that tell attacked clouds from clean ones."""
+    from advpipe.pipeline.attack_detection import names
+
+    return _beginning((*names.POINT_CHECKS, *names.BOX_CHECKS, names.ALL, names.NONE), incomplete)
+
+
 def recipe_names(context: typer.Context, incomplete: str) -> list[str]:
     """The recipes of the attack that `--type` names."""
     from advpipe.pipeline.core.attack_options import AttackOptions

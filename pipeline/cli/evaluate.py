@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.completion import defence_names, detector_names
+from advpipe.pipeline.cli.completion import attack_check_names, defence_names, detector_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -51,6 +51,16 @@ def evaluate_command(
     defence_frames: Annotated[
         int | None, cli_option(Options, "defence_frames", "--defence-frames", show_default=False)
     ] = None,
+    detect_attacks: Annotated[
+        list[str] | None,
+        cli_option(
+            Options,
+            "detect_attacks",
+            "--detect-attacks",
+            show_default=", ".join(Options.detect_attacks),
+            autocompletion=attack_check_names,
+        ),
+    ] = None,
     seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
     baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
@@ -78,6 +88,7 @@ def evaluate_command(
         frames=frames,
         defence=defence or Options.defences,
         defence_frames=defence_frames,
+        detect_attacks=detect_attacks or Options.detect_attacks,
         seed=seed,
         baseline=baseline,
         baseline_tries=baseline_tries,

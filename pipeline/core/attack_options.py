@@ -19,7 +19,7 @@ class AttackOptions:
     type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
     recipe: str | None = option(
         None,
-        "best, hide, robust or paper (as published); random baselines: random, random-near, random-best (the "
+        "best, hide, robust, stealthy or paper (as published); random baselines: random, random-near, random-best (the "
         "strongest).",
     )
     victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that false CAMs target.")

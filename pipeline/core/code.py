@@ -23,6 +23,7 @@ CLOUDS = (
     "pipeline/bag/uncounted.py",
     "pipeline/messages/labels.py",
     "pipeline/adversary",
+    "pipeline/attack_detection",
     "pipeline/defences",
     "pipeline/baselines.py",
     "pipeline/detector",

@@ -56,6 +56,14 @@ class CloudChange:
         return moved_m
 
     @cached_property
+    def off_ray_urad(self) -> Float64:
+        """The angle at the sensor between where each moved point was and where it is, in microradians."""
+        before, after = (xyz(points).astype(np.float64) for points in self.moved)
+        across = np.linalg.norm(np.cross(before, after), axis=1)
+        angle_rad: Float64 = np.arctan2(across, (before * after).sum(axis=1))
+        return 1e6 * angle_rad
+
+    @cached_property
     def added_distance_m(self) -> Float64:
         """The distance of each added point to the nearest point of the clean cloud."""
         from scipy.spatial import cKDTree

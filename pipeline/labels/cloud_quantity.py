@@ -17,6 +17,7 @@ COLUMNS: Mapping[str, Callable[[CloudChange], Float64]] = {
     "y_displacement_m": lambda change: np.abs(change.offset_m[:, 1]),
     "z_displacement_m": lambda change: np.abs(change.offset_m[:, 2]),
     "xy_displacement_m": lambda change: np.hypot(change.offset_m[:, 0], change.offset_m[:, 1]),
+    "off_ray_urad": lambda change: change.off_ray_urad,
     "intensity_change": lambda change: change.intensity_change,
     "added_distance_m": lambda change: change.added_distance_m,
     "moved": lambda change: np.ones(change.count(MOVED)),
@@ -25,7 +26,8 @@ COLUMNS: Mapping[str, Callable[[CloudChange], Float64]] = {
     "touched": lambda change: np.ones(change.count(MOVED) + change.count(REMOVED)),
 }
 """What can be measured, one number a point. Of each moved point, without its sign: displacements (in space,
-along an axis of the cloud's frame, in its x-y plane) and `intensity_change`. Of each added point:
+along an axis of the cloud's frame, in its x-y plane), `off_ray_urad` (the angle at the sensor, in
+microradians, between where it was and where it is) and `intensity_change`. Of each added point:
 `added_distance_m`, to the nearest point of the clean cloud. A 1 for each point: `moved`, `added`, `removed`,
 `touched` (moved or removed)."""
 

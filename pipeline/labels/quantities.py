@@ -43,6 +43,13 @@ MAX_INTENSITY_CHANGE = CloudQuantity(
     column="intensity_change",
     aggregate="max",
 )
+MAX_OFF_RAY = CloudQuantity(
+    name="max_off_ray_urad",
+    unit="µrad",
+    meaning="largest angle between the rays of a point before and after",
+    column="off_ray_urad",
+    aggregate="max",
+)
 POINTS_MOVED = CloudQuantity(name="points_moved", meaning="points moved", column="moved", aggregate="sum")
 POINTS_ADDED = CloudQuantity(name="points_added", meaning="points added", column="added", aggregate="sum")
 POINTS_REMOVED = CloudQuantity(
@@ -59,7 +66,7 @@ CLOUD_QUANTITIES: Mapping[str, Quantity[CloudChange]] = {
     **{
         each.name: each.quantity
         for each in (
-            *(MAX_DISPLACEMENT, MEAN_SQUARE_DISPLACEMENT, ADDED_DISTANCE, MAX_INTENSITY_CHANGE),
+            *(MAX_DISPLACEMENT, MEAN_SQUARE_DISPLACEMENT, ADDED_DISTANCE, MAX_INTENSITY_CHANGE, MAX_OFF_RAY),
             *(POINTS_MOVED, POINTS_ADDED, POINTS_REMOVED, POINTS_TOUCHED),
         )
     },

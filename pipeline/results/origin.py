@@ -68,6 +68,7 @@ class ResultsOrigin:
         int | None, "number of random tries asked for; null for the attack's query budget"
     ]
     defences: Annotated[tuple[str, ...], "the evaluated defences with their parameters"]
+    attack_checks: Annotated[tuple[str, ...], "the checks that try to tell attacked clouds"] = ()
     device: Annotated[str | None, "kind of GPU; absent for the CPU"] = None
     adaptation: Annotated[
         AdaptationRecord | None,

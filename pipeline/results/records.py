@@ -91,6 +91,34 @@ class EffectRecord(_OfAttack):
 
 
 @dataclass(frozen=True)
+class AttackDetectionRecord(_OfAttack):
+    """How well a check tells the attacked clouds from clean ones. Its threshold is calibrated on clean clouds
+    of the drive: those of the second half of the frames for the first half, and the other way round."""
+
+    check: Annotated[str, "name of the check"]
+    frames: Annotated[int, "number of clean clouds that were judged"]
+    attacked_frames: Annotated[int, "number of clouds in which the attack changed points"]
+    calibration_frames: Annotated[int, "number of clean clouds that a threshold is calibrated on, at least"]
+    expected_false_positive_percent: Annotated[
+        float, "share of further clean clouds that exceed such a threshold at most, in percent"
+    ]
+    true_positive_percent: Annotated[float, "attacked clouds above the threshold, in percent"]
+    false_positive_percent: Annotated[float, "clean clouds above the threshold, in percent"]
+    auc: Annotated[float, "area under the ROC curve over clean and attacked clouds, in [0, 1]"]
+    points_true_positive_percent: Annotated[
+        float, "points that the attack moved or added and the check flags, in percent; null if it flags none"
+    ]
+    points_false_positive_percent: Annotated[float, "points of the clean clouds that it flags, in percent"]
+    new_detections: Annotated[int, "number of detections in attacked clouds that the clean ones lack"]
+    new_detections_true_positive_percent: Annotated[
+        float, "these above the threshold, in percent; null for a check that judges no detections"
+    ]
+    detections_false_positive_percent: Annotated[
+        float, "detections in the clean clouds above the threshold, in percent"
+    ]
+
+
+@dataclass(frozen=True)
 class DefendedMetrics:
     """What an attack leads to under a defence. map_ratio_percent: of the clean clouds under the defence;
     map_adv_percent: of those without."""

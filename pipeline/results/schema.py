@@ -19,6 +19,7 @@ from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.metrics import CRITERIA, CloudMetrics, Precisions, RecountedMetrics
 from advpipe.pipeline.results.origin import ResultsOrigin
 from advpipe.pipeline.results.records import (
+    AttackDetectionRecord,
     BaselineRecord,
     DefenceRecord,
     DefendedBaseline,
@@ -50,6 +51,7 @@ def report_schema() -> Schema:
     """The schema as plain values. An undefined metric is null; other keys are refused."""
     lists = {
         "average_precision": PrecisionRecord,
+        "attack_detection": AttackDetectionRecord,
         "attack_effects": EffectRecord,
         "attack_success": SuccessRecord,
         "baselines": BaselineRecord,
@@ -70,7 +72,7 @@ def report_schema() -> Schema:
             "warnings": _list({"type": "string"}, "what must be read before any value"),
             "formulas": _texts("what the values mean, by name"),
             DEPRECATED_KEYS: _texts("old keys that are written beside their new ones, by old key"),
-            "provenance": _object(ResultsOrigin, optional=("device", "adaptation")),
+            "provenance": _object(ResultsOrigin, optional=("device", "adaptation", "attack_checks")),
             "rows": _list(_row(), "one for each adversarial bag and detector, or for the clean bag alone"),
             **{key: _list(_object(record), _description(record)) for key, record in lists.items()},
             "defences": _list(_defence(), _description(DefenceRecord)),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS
 from advpipe.pipeline.core import options
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
@@ -21,8 +22,8 @@ class Options:
 
     detectors: the first one is shown in pictures. baseline_tries: None for the query budget of the
     attack itself. defences: as `parse_defences` reads them. defence_frames: None for the rule of
-    `most_defended`. lidar_topic: None where a bag has one LiDAR. bootstrap_draws: what the intervals are
-    made of.
+    `most_defended`. detect_attacks: as `parse_attack_checks` reads them. lidar_topic: None where a bag has
+    one LiDAR. bootstrap_draws: what the intervals are made of.
     """
 
     detectors: tuple[str, ...] = option(
@@ -44,6 +45,11 @@ class Options:
         "most 10; all for defences that you name]",
         least=1,
     )
+    detect_attacks: tuple[str, ...] = option(
+        POINT_CHECKS,
+        "Check that tries to tell attacked clouds from clean ones: "
+        f"{', '.join((*POINT_CHECKS, *BOX_CHECKS))}, your own module:Class, all, or none. Repeatable.",
+    )
     frames: FrameSlice = option(
         ALL_FRAMES,
         "start:stop:step, counted in the clean bag: which clouds detection and cooperative "
@@ -61,10 +67,12 @@ class Options:
     scene: bool = option(True, "Show frames in 3D in the report's page, which takes up to 2 MB for each.")
 
     def __post_init__(self) -> None:
+        from advpipe.pipeline.attack_detection.registry import parse_attack_checks
         from advpipe.pipeline.defences.registry import parse_defences
         from advpipe.pipeline.detector.device import open_device
 
         parse_defences(self.defences)
+        parse_attack_checks(self.detect_attacks)
         open_device(self.device)
         if not self.detectors:
             raise UsageError("no detector is given; name one")

@@ -64,6 +64,7 @@ def load_scenes(
             frames=FrameSlice(frame, frame + 1),
             lidar_topic=settings.lidar_topic,
             device=device,
+            detect_attacks=("none",),
         ),
     )
     scenes = []

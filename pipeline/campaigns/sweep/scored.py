@@ -53,6 +53,7 @@ def scored_cell(
             level=settings.level,
             scale_intensity=settings.scale_intensity,
             device=device,
+            detect_attacks=("none",),
         ),
     )
     plan_progress({"detecting": 9, "metrics": 1})

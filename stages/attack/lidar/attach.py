@@ -17,7 +17,13 @@ from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
-from advpipe.pipeline.adversary.places import Places, ball_places, joined, with_drawn_intensities
+from advpipe.pipeline.adversary.places import (
+    Places,
+    ball_places,
+    joined,
+    no_places,
+    with_drawn_intensities,
+)
 from advpipe.pipeline.adversary.random_best import (
     MARGIN_M,
     PLACES_PER_POINT,
@@ -27,6 +33,7 @@ from advpipe.pipeline.adversary.random_best import (
 )
 from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import look
+from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -52,12 +59,18 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
 from advpipe.stages.attack.lidar.robust_attach import RobustAttachProblem
+from advpipe.stages.attack.lidar.stealthy import (
+    NO_RINGS,
+    StealthyAttachProblem,
+    empty_ray_places,
+    rays_of,
+)
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-RECIPES = ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "hide", "robust", "stealthy", "paper", "random", "random-near", "random-best")
 
 MAX_EPS_M = 5.0
 
@@ -83,11 +96,13 @@ class Attach(LidarAttack):
         for a detector without `occupancy_loss`, it searches random places by the detections
         (`subset_search`). "hide" is "best" with the goal to hide: no box that overlaps an object loosely is
         left. "robust" keeps a distance from the voxels' faces, and takes gains and objective as means over
-        draws of defences (`expectation`), a pass for each of four. "paper" shifts copies of the most salient
-        points (`attach_paper`). Random baselines: "random" in balls around any points, "random-near" around
-        those near objects, "random-best" likewise with the selection of "best": the baseline that reports
-        compare the attack with. New points copy the intensity of the point that they start from.
-    rounds: how often "best" and "hide" rank the places.
+        draws of defences (`expectation`), a pass for each of four. "stealthy" adds at most so many points,
+        one on each of the rays that returned nothing, before what would hide them. "paper" shifts copies of
+        the most salient points (`attach_paper`). Random baselines: "random" in balls around any points,
+        "random-near" around those near objects, "random-best" likewise with the selection of "best": the
+        baseline that reports compare the attack with. New points copy the intensity of the point that they
+        start from.
+    rounds: how often "best", "hide" and "stealthy" rank the places.
     weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
         lambda and gives no value.
     decay_m: "best", "hide" and "robust" multiply the gain of a point at distance d from the clean ones by
@@ -117,8 +132,8 @@ class Attach(LidarAttack):
             "rounds": QUERYING,
             "goal": WITH_GOAL,
             "weight": ("paper",),
-            "decay_m": ("best", "hide", "robust"),
-            "intensity": QUERYING,
+            "decay_m": ("best", "hide", "robust", "stealthy"),
+            "intensity": tuple(recipe for recipe in QUERYING if recipe != "stealthy"),
         },
     )
 
@@ -152,7 +167,7 @@ class Attach(LidarAttack):
     def bounds(self) -> dict[str, tuple[float, float]]:
         return {
             ADDED_DISTANCE.name: (0.0, self.eps_m),
-            POINTS_ADDED.name: (self.points, self.points),
+            POINTS_ADDED.name: (0 if self.recipe == "stealthy" else self.points, self.points),
             POINTS_MOVED.name: (0, 0),
             POINTS_REMOVED.name: (0, 0),
         }
@@ -186,14 +201,20 @@ class Attach(LidarAttack):
         rules = Rules(self.constraints, xyz(scene), boxes)
         objective = AttackObjective(goal, detector, goal.success(found))
         try:
-            places, note = self._places(xyzi(scene), objective, rules, rng)
+            if self.recipe == "stealthy":
+                places, note = self._on_empty_rays(scene, objective, rules, rng)
+            else:
+                places, note = self._places(xyzi(scene), objective, rules, rng)
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
-        if len(places) < self.points:
-            return unchanged(cloud, "the constraints leave no place for so many points", loss_before)
+        if len(places) < (1 if self.recipe == "stealthy" else self.points):
+            note = note or "the constraints leave no place for so many points"
+            return unchanged(cloud, note, loss_before)
         added = scene[places.source].copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = places.points[:, column]
+        if self.recipe == "stealthy" and (sensor := SensorGeometry.learnt([scene])):
+            added["ring"] = sensor.cells(added)[0]
         adversarial = np.concatenate([cloud, added])
         loss_after, _ = look(detector, xyzi(np.concatenate([scene, added])), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note)
@@ -254,6 +275,19 @@ class Attach(LidarAttack):
             places = with_drawn_intensities(places, clean, rng)
         problem = LossAdditionProblem(clean, places, objective, rng)
         return places[SubsetSearch(problem, rng).allocation(self.points, self.query_budget)]
+
+    def _on_empty_rays(
+        self, scene: Cloud, objective: AttackObjective, rules: Rules, rng: np.random.Generator
+    ) -> tuple[Places, str]:
+        """At most as many places as there are points, one on each ray that returned nothing."""
+        sensor = SensorGeometry.learnt([scene])
+        if sensor is None:
+            return no_places(), NO_RINGS
+        boxes = objective.goal.targets.boxes.double().numpy()
+        places = empty_ray_places(scene, boxes, sensor, rules, self.eps_m, MARGIN_M, rng)
+        rays = rays_of(places, sensor)
+        problem = StealthyAttachProblem(xyzi(scene), places, objective, rng, decay_m=self.decay_m, rays=rays)
+        return add_greedily(problem, self.points, self.query_budget), ""
 
     def _random_places(
         self,

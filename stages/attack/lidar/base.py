@@ -26,7 +26,7 @@ NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 NO_OCCUPANCY = "no occupancy_loss: searched by the detections, and the gradient of the loss where it has one"
 """The note on a frame that recipes attack by its detections."""
 
-QUERYING = ("best", "hide", "robust", "random-best")
+QUERYING = ("best", "hide", "robust", "stealthy", "random-best")
 """The recipes that query the detector, and keep the best candidate."""
 
 WITH_GOAL = tuple(recipe for recipe in QUERYING if recipe != HIDE)

@@ -44,7 +44,8 @@ class CrossingSettings:
     starts from the best points so far. groups: all points of a voxel may leave it together. keep_best:
     evaluate the candidates and keep the best points of each object. decoys: raise the scores of false
     detections of the clean cloud. decoy_gradients: take every other gradient for a ground truth of the decoys
-    alone, if any: the focal loss is flat for confident detections and steep for false ones.
+    alone, if any: the focal loss is flat for confident detections and steep for false ones. spread: on rays,
+    points land anywhere in a voxel instead of behind its face.
     """
 
     margin_m: float = MOVE_MARGIN_M
@@ -57,6 +58,7 @@ class CrossingSettings:
     keep_best: bool = True
     decoys: bool = True
     decoy_gradients: bool = True
+    spread: bool = False
 
 
 class CrossingSearch:
@@ -90,6 +92,7 @@ class CrossingSearch:
             min(settings.landing_m, reach_m / 2),  # with a short reach, land nearer to the face
             constraints.along_ray,
             rules.hidden if constraints.keep_occlusion_order else None,
+            rng if settings.spread else None,
         )
         fixed = np.delete(keys, self.movable)
         at = np.searchsorted(self.options.keys, fixed[np.isin(fixed, self.options.keys)])

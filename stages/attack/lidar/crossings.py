@@ -22,6 +22,9 @@ Bool = npt.NDArray[np.bool_]
 MAX_CELLS_AWAY = 2
 """The most cells that a point moves along each axis: farther cells are no better."""
 
+MIN_DEPTH_M = 0.01
+"""Points that spread in a voxel need so much of their ray in it, or they would crowd at its face."""
+
 
 @dataclass(frozen=True)
 class Crossings:
@@ -47,15 +50,17 @@ def find_crossings(
     landing_m: float,
     along_ray: bool = False,
     forbidden: Callable[[Float64], Bool] | None = None,
+    spread: np.random.Generator | None = None,
 ) -> Crossings:
     """The options of points (P, 3), all inside of the grid, within a reach.
 
     landing_m: how far behind a face a point lands, or on the way back into the middle of a smaller cell.
-    along_ray: points move only on their ray from the origin. forbidden: marks excluded places among (K, 3).
+    along_ray: points move only on their ray from the origin. spread: points on rays land anywhere in the
+    voxel, as it draws, instead of behind its face. forbidden: marks excluded places among (K, 3).
     """
     low, size = np.array(grid.low_m), np.array(grid.size_m)
     cells = grid.cells(start)
-    inset = np.minimum(landing_m, 0.45 * size)
+    inset = np.zeros(3) if spread else np.minimum(landing_m, 0.45 * size)
     away = [range(-n, n + 1) for n in (min(math.ceil(reach_m / s), MAX_CELLS_AWAY) for s in grid.size_m)]
     place = grid.frame.places(start.astype(np.float64))
     ray = grid.frame.directions(_unit(start.astype(np.float64)))
@@ -67,7 +72,7 @@ def find_crossings(
             first = low + (cells + step) * size + inset - place  # to the shrunken cell's faces
             last = first + size - 2 * inset
             here, way = (
-                _along_rays(ray, first, last)
+                _along_rays(ray, first, last, reach_m, spread)
                 if along_ray
                 else (np.arange(len(start)), np.clip(0.0, first, last))
             )
@@ -102,12 +107,19 @@ def _unit(place: Float64) -> Float64:
     return unit
 
 
-def _along_rays(ray: Float64, first: Float64, last: Float64) -> tuple[Int64, Float64]:
+def _along_rays(
+    ray: Float64, first: Float64, last: Float64, reach_m: float, spread: np.random.Generator | None
+) -> tuple[Int64, Float64]:
     """The points whose rays (P, 3) meet their box, from `first` to `last` relative to them, and the shortest
-    way into it along the ray (slab method)."""
+    way into it along the ray (slab method); with `spread`, a random way within reach."""
     ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
     a, b = first / ray, last / ray
     enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+    if spread:
+        enter, leave = np.maximum(enter, -reach_m), np.minimum(leave, reach_m)
+        meets = np.flatnonzero(leave - enter >= MIN_DEPTH_M)
+        way = enter[meets] + (leave - enter)[meets] * spread.random(len(meets))
+        return meets, way[:, None] * ray[meets]
     meets = np.flatnonzero(enter <= leave)
     way = np.clip(0.0, enter[meets], leave[meets])
     return meets, way[:, None] * ray[meets]

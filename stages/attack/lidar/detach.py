@@ -12,12 +12,14 @@ from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, R
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
-from advpipe.pipeline.adversary.greedy_allocation import queries
+from advpipe.pipeline.adversary.greedy_allocation import greedy_allocation, queries
+from advpipe.pipeline.adversary.missing_returns import MissingReturnLimit
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.random_best import MARGIN_M, RandomBest
 from advpipe.pipeline.adversary.removal_problem import remove_greedily, with_random_rest
 from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import AttackTargets, look
+from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.baselines import remove_random_points
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -43,8 +45,9 @@ from advpipe.stages.attack.lidar.detach_problem import DetachProblem
 from advpipe.stages.attack.lidar.loss_problems import LossRemovalProblem
 from advpipe.stages.attack.lidar.robust_detach import RobustDetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
+from advpipe.stages.attack.lidar.stealthy import NO_RINGS, StealthyDetachProblem
 
-RECIPES = ("best", "hide", "robust", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "hide", "robust", "stealthy", "paper", "random", "random-near", "random-best")
 
 
 @dataclass(kw_only=True, eq=False)
@@ -60,10 +63,11 @@ class Detach(LidarAttack):
         budget on the objects that are lost with the fewest points; for a detector without `occupancy_loss`,
         it searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide:
         no box that overlaps an object loosely is left; "robust" takes gains and objective as means over draws
-        of defences (`expectation`), a pass for each of four; "paper" is the greedy gradient-norm saliency of
-        the paper (section III-A, Eq. 3). Random baselines of equal budget: "random" anywhere, "random-near"
-        near objects, "random-best" there with the selection of "best": the baseline that reports compare the
-        attack with.
+        of defences (`expectation`), a pass for each of four; "stealthy" removes at most so many points, and
+        in no window of rays so many that the density check of `evaluate` notices; "paper" is the greedy
+        gradient-norm saliency of the paper (section III-A, Eq. 3). Random baselines of equal budget: "random"
+        anywhere, "random-near" near objects, "random-best" there with the selection of "best": the baseline
+        that reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
     near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
@@ -183,6 +187,8 @@ class Detach(LidarAttack):
             return random.removed(budget), ""
         owner = np.full(len(scene), -1, np.int64)
         owner[allowed] = owners(xyz(scene[allowed]), goal.targets.boxes.double().numpy(), MARGIN_M)
+        if self.recipe == "stealthy":
+            return self._stealthily(scene, owner, budget, objective, rng)
         if isinstance(detector, VoxelDetector):
             note, problem = "", DetachProblem(xyzi(scene), owner, objective, rng)
             if self.recipe == "robust":
@@ -194,6 +200,22 @@ class Detach(LidarAttack):
             found = SubsetSearch(plain, rng).allocation(budget, self.query_budget)
             chosen, short = with_random_rest(found, allowed, budget, rng)
         return chosen, join_notes("nothing more to gain: the rest removed at random" if short else "", note)
+
+    def _stealthily(
+        self,
+        scene: Cloud,
+        owner: Indices,
+        budget: int,
+        objective: AttackObjective,
+        rng: np.random.Generator,
+    ) -> tuple[Indices, str]:
+        """At most `budget` points that the density check would not miss, and a note for the user."""
+        sensor = SensorGeometry.learnt([scene])
+        if sensor is None:
+            return np.zeros(0, np.int64), NO_RINGS
+        limit = MissingReturnLimit(scene, sensor)
+        problem = StealthyDetachProblem(xyzi(scene), owner, objective, rng, limit=limit)
+        return np.concatenate(greedy_allocation(problem, budget, self.query_budget))[:budget], ""
 
     def _greedily(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import MOVED, PointLabels
-from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, POINTS_ADDED, POINTS_REMOVED
+from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, MAX_OFF_RAY, POINTS_ADDED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.base import (
@@ -46,12 +46,16 @@ Float32 = npt.NDArray[np.float32]
 
 MAX_EPS_CM = 500.0
 
+ON_RAY_URAD = 0.4
+"""A point that is moved along its ray leaves it by less, in microradians: float32 rounds coordinates."""
+
 NOTHING_MOVED = "nothing moved: no point that may move does harm in its reach"
 
 RECIPES = {
     "best": 24,
     "hide": 48,
     "robust": 24,
+    "stealthy": 24,
     "paper": 40,
     "random": 1,
     "random-near": 1,
@@ -59,7 +63,7 @@ RECIPES = {
 }
 """The default number of steps of each recipe: gradients, or random candidates."""
 
-SETTINGS = {"best": CrossingSettings()}
+SETTINGS = {"best": CrossingSettings(), "stealthy": CrossingSettings(spread=True)}
 
 
 @dataclass(kw_only=True, eq=False)
@@ -75,10 +79,11 @@ class Perturb(LidarAttack):
         deformations by the detections (`score_search`). "hide" is "best" with the goal to hide, no box that
         overlaps an object loosely is left, and twice the steps. "robust" moves points by the whole reach, and
         takes gains and successes as means over draws of defences (`robust_search`), a pass for each of four.
-        "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random baselines: "random"
-        moves all points by eps in a random direction, "random-near" those near objects, and "random-best"
-        draws `steps` candidates there, with the selection of "best": the baseline that reports compare the
-        attack with.
+        "stealthy" keeps points on their rays and before what hides them, and spreads them in the voxels, so
+        that the checks of `evaluate` do not notice. "paper" is the PGD of the paper (section III-A, Eq. 1 and
+        2) on all points. Random baselines: "random" moves all points by eps in a random direction,
+        "random-near" those near objects, and "random-best" draws `steps` candidates there, with the selection
+        of "best": the baseline that reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
     weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
         lambda and gives no value. At 0 points move by 8.7 cm (RMS, of 10 cm allowed), with the Chamfer
@@ -136,6 +141,8 @@ class Perturb(LidarAttack):
         self.steps = checked_integer("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
         self.settings = SETTINGS.get(self.recipe, SETTINGS["best"])
         self.constraints = Constraints.among(vars(self))
+        if self.recipe == "stealthy":
+            self.constraints = replace(self.constraints, along_ray=True, keep_occlusion_order=True)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -143,6 +150,7 @@ class Perturb(LidarAttack):
             MAX_DISPLACEMENT.name: (0.0, self.eps_m),
             POINTS_REMOVED.name: (0, 0),
             POINTS_ADDED.name: (0, 0),
+            **({MAX_OFF_RAY.name: (0.0, ON_RAY_URAD)} if self.recipe == "stealthy" else {}),
             **self.constraints.bounds,
         }
 

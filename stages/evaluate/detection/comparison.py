@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.detector.protocol import Detections
+from advpipe.stages.evaluate.detection.checked_cloud import CheckedFrame
 from advpipe.stages.evaluate.detection.displacement import Displacement
 from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.scoring import Matches, Truth
@@ -48,7 +49,8 @@ class FrameResult:
     """One frame: its ground truth and the clouds of it. Indices count in their own bag.
 
     baselines: by the names of `baseline_names`. defended: the clean and the adversarial cloud, by `under`.
-    note: why the clean cloud was not levelled for the detector, where it was to be.
+    note: why the clean cloud was not levelled for the detector, where it was to be. attack_checks: by name;
+    checks_not_run: why others say nothing.
     """
 
     index: int
@@ -60,6 +62,8 @@ class FrameResult:
     baselines: Mapping[str, CloudResult] = field(default_factory=dict)
     defended: Mapping[str, CloudResult] = field(default_factory=dict)
     note: str = ""
+    attack_checks: Mapping[str, CheckedFrame] = field(default_factory=dict)
+    checks_not_run: Mapping[str, str] = field(default_factory=dict)
 
     def clouds(self) -> dict[str, CloudResult]:
         """The clouds that the detector sees as they are, by condition, as reports name it."""

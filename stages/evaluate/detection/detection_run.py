@@ -26,7 +26,9 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.cloud_difference import CloudDifference, cloud_difference
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
 from advpipe.pipeline.results.row import RANDOM_BEST
+from advpipe.stages.evaluate.detection.attack_checks import AttackChecks
 from advpipe.stages.evaluate.detection.baseline import RandomBaselines, attack_query_budget
+from advpipe.stages.evaluate.detection.checked_cloud import CheckedCloud, CheckedFrame
 from advpipe.stages.evaluate.detection.comparison import (
     CloudResult,
     Comparison,
@@ -55,8 +57,8 @@ RANDOM_RECIPES = ("random", "random-near", "random-best")
 class DetectionRun:
     """A detector on the clouds of a clean bag and of adversarial versions of it, with the provenance of each.
 
-    Of the options it follows those on frames, LiDAR, baselines, defences, seed and device; several processes
-    may share a GPU, each with a context of its own.
+    Of the options it follows those on frames, LiDAR, baselines, defences, attack checks, seed and device;
+    several processes may share a GPU, each with a context of its own.
     """
 
     detector: str
@@ -140,6 +142,7 @@ class DetectionRun:
         detector = CachedDetector(adapted_detector(loaded, adaptation))
         reader, lidar_topic = BagReader(self.clean), self.options.lidar_topic
         occlusion = Occlusion(reader, find_lidar_topic(reader, lidar_topic))
+        checks = AttackChecks.learnt(self.options, self.clean, loaded, detector) if self.adversarial else None
         frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
         pairs = pair_frames(self.clean, tuple(self.adversarial), frames, lidar_topic, is_part=is_part)
         last = frames.indices(count_frames(self.clean, lidar_topic))[-1]
@@ -163,10 +166,11 @@ class DetectionRun:
                 known, note = detector_for_cloud(loaded, adaptation, xyz(frame.cloud), loaded)
                 clean = FrameResult(frame.index, -1, frame.stamp_ns, truth, found, note=note)
                 defended = replace(clean, defended=under_defences)
-                if not self.adversarial:
+                if checks is None:
                     return [defended]
+                checked = checks.on_clean(frame.cloud, found.detections)
                 # What it finds in each adversarial cloud, and in clouds changed randomly as much.
-                return [
+                attacked = [
                     self._attacked(
                         (detector, known), defended if here else clean, frame.cloud, version, provenance
                     )
@@ -175,6 +179,12 @@ class DetectionRun:
                     for here, version, provenance in zip(
                         in_bag, versions, self.adversarial.values(), strict=True
                     )
+                ]
+                return [
+                    _with_checks(result, checks, checked, frame.cloud, version.cloud)
+                    if result and version
+                    else None
+                    for result, version in zip(attacked, versions, strict=True)
                 ]
 
         return score_frame
@@ -221,6 +231,22 @@ def _log_times_ns(bag: Path, lidar_topic: str | None) -> npt.NDArray[np.int64]:
     """When each cloud of a bag was logged (F,), from the bag's index."""
     reader = BagReader(bag)
     return reader.log_times_ns(find_lidar_topic(reader, lidar_topic))
+
+
+def _with_checks(
+    result: FrameResult,
+    checks: AttackChecks,
+    clean_checks: Mapping[str, CheckedCloud],
+    clean: Cloud,
+    cloud: Cloud,
+) -> FrameResult:
+    """The result with what the attack checks say of both clouds."""
+    change, found = cloud_difference(clean, cloud), result.adversarial
+    judged: Mapping[str, CheckedCloud] = {}
+    if found and (len(change.removed) or len(change.added) or len(change.moved)):
+        judged = checks.on_attacked(cloud, change, found.detections, result.clean.detections)
+    both = {name: CheckedFrame(each, judged.get(name)) for name, each in clean_checks.items()}
+    return replace(result, attack_checks=both, checks_not_run=checks.not_run)
 
 
 def _cloud_result(

@@ -14,8 +14,9 @@ from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.pipeline.results.frame_row import FrameRow
-from advpipe.pipeline.results.records import DefenceRecord, EffectRecord, SuccessRecord
+from advpipe.pipeline.results.records import AttackDetectionRecord, DefenceRecord, EffectRecord, SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
+from advpipe.stages.evaluate.detection.attack_detection import attack_detection_records
 from advpipe.stages.evaluate.detection.comparison import Comparison, FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches, Precision
 from advpipe.stages.evaluate.detection.defended import defence_records
@@ -41,7 +42,7 @@ class Summary:
     precisions: average precisions by condition. curves: by condition, criterion and class, recall and
     precision (G,) from the highest score down. defended: a record for each defence, if any after one
     without. success: a record for each condition, class and range. effects: a record for each condition,
-    over all frames and over the attacked ones.
+    over all frames and over the attacked ones. attack_detection: a record for each check.
     """
 
     comparison: Comparison
@@ -53,6 +54,7 @@ class Summary:
     defended: tuple[DefenceRecord, ...] = ()
     success: tuple[SuccessRecord, ...] = ()
     effects: tuple[EffectRecord, ...] = ()
+    attack_detection: tuple[AttackDetectionRecord, ...] = ()
 
 
 def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[str] = ()) -> Summary:
@@ -111,6 +113,7 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
         tuple(defence_records(scored, result, bootstrap_of)),
         tuple(success_records(scored, result, conditions[1:])),
         tuple(effect_records(scored, result, conditions[1:], bootstrap_of)),
+        tuple(attack_detection_records(scored, result)),
     )
 
 

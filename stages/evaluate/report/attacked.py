@@ -12,6 +12,7 @@ from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.strata import STRATA
 from advpipe.stages.evaluate.detection.success import EVERY_CLASS
 from advpipe.stages.evaluate.detection.summary import Summary
+from advpipe.stages.evaluate.report.attack_detection import attack_detection_sections
 from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.defences import defences_section
 from advpipe.stages.evaluate.report.effects import effects_section
@@ -41,6 +42,7 @@ def attacked_sections(summaries: Sequence[Summary]) -> Iterator[ReportSection]:
         yield success_section(attacked)
         yield change_section(of_first_detector(attacked))
         yield recount_section(attacked)
+    yield from attack_detection_sections({title_of(each, attacked): each for each in attacked})
     if any(summary.defended for summary in summaries):
         yield defences_section(summaries, title_of)
     yield from transfer_section(attacked)

@@ -91,6 +91,7 @@ OPTIONS = (
         "--overwrite",
         "--defence",
         "--defence-frames",
+        "--detect-attacks",
         "--baseline-tries",
         "--steps",
         "--learning-rate",

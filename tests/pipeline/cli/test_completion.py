@@ -20,6 +20,7 @@ import pytest
         ("advpipe attack --detector sm", ["small"]),
         ("advpipe evaluate --detector s", ["small"]),
         ("advpipe evaluate --defence j", ["jitter"]),
+        ("advpipe evaluate --detect-attacks vo", ["voxel-face"]),
         ("advpipe attack --recipe random-", ["random-near", "random-best"]),
         ("advpipe attack --type cam-delay --recipe r", []),
         ("advpipe attack --ra", ["--ratio"]),

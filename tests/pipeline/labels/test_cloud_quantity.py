@@ -44,6 +44,7 @@ def test_columns(change: CloudChange) -> None:
         "y_displacement_m": [4, 0],
         "z_displacement_m": [12, 1],
         "xy_displacement_m": [5, 0],
+        "off_ray_urad": pytest.approx([1e6 * np.arctan2(np.hypot(4, 12), 13), 1e6 * np.arctan2(1, 20)]),
         "intensity_change": [0, 0.5],
         "added_distance_m": [2],
         "moved": [1, 1],

@@ -39,6 +39,7 @@ def test_measures() -> None:
         "mean_square_displacement_m2": (9 + 16) / 2,
         "max_added_distance_m": 0.5,
         "max_intensity_change": 0.25,
+        "max_off_ray_urad": pytest.approx(1e6 * np.arctan2(3, 2)),
         "points_moved": 2,
         "points_added": 1,
         "points_removed": 2,

@@ -10,8 +10,12 @@ from scipy.spatial import cKDTree
 from advpipe.pipeline.adversary.constraints import Constraints, Rules
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.cloud import xyz, xyzi
-from advpipe.stages.attack.lidar.attach import RECIPES, Attach
+from advpipe.stages.attack.lidar.attach import RECIPES as EVERY_RECIPE
+from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
+
+RECIPES = tuple(name for name in EVERY_RECIPE if name != "stealthy")
+"""Those that need no rings; the others are in `test_stealthy`."""
 
 CHANCE = ("random", "random-near", "random-best")
 
@@ -261,7 +265,7 @@ def test_constraints_without_a_place_are_said(hand_worked):
         ({"rounds": 0}, "rounds is 0"),
         ({"weight": -1.0}, "weight is -1"),
         ({"decay_m": 0.0}, "decay_m is 0"),
-        ({"recipe": "worst"}, "known: best, hide, robust, paper"),
+        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, paper"),
         ({"ghost": "car:1"}, "CLASS:X:Y"),
         ({"ghost": "car:1:2", "objects": ("a",)}, "two attacks"),
         ({"near_objects_m": float("nan")}, "near_objects_m"),

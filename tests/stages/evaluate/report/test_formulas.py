@@ -19,6 +19,7 @@ from advpipe.stages.evaluate.v2x import section as v2x
 DETECTION = (
     "rows",
     "average_precision",
+    "attack_detection",
     "attack_success",
     "attack_effects",
     "baselines",
