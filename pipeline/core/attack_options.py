@@ -19,8 +19,8 @@ class AttackOptions:
     type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
     recipe: str | None = option(
         None,
-        "best, hide, robust, stealthy or paper (as published); random baselines: random, random-near, random-best (the "
-        "strongest).",
+        "best, hide, robust, stealthy or paper (as published); random baselines: random, random-near, "
+        "random-best (the strongest).",
     )
     victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that false CAMs target.")
     dcc_reacts: bool = option(
