@@ -20,8 +20,7 @@ SURROUNDINGS_M = 5.0
 class Focus:
     """Points (N, 4) within 5 m of the open ones of the boxes (M, 7).
 
-    is_open: (M,) which objects the search still works on; all at first. The others keep what they have, and
-    only the whole cloud shows them again.
+    is_open: (M,) which objects the search still works on; all at first. The others keep what they have.
     """
 
     def __init__(self, points: Float32, boxes: Float64) -> None:
@@ -41,7 +40,13 @@ class Focus:
         return self._shown
 
     def close(self, done: Bool) -> None:
-        """Leave the objects (M,) that are done out from now on, for good."""
-        if (self.is_open & done).any():
-            self.is_open = self.is_open & ~done
-            self._shown = None
+        """Leave the objects (M,) that are done out from now on."""
+        self._set(self.is_open & ~done)
+
+    def open(self, found: Bool) -> None:
+        """Look at these objects (M,) again, beside the open ones."""
+        self._set(self.is_open | found)
+
+    def _set(self, is_open: Bool) -> None:
+        if (self.is_open != is_open).any():
+            self.is_open, self._shown = is_open, None

@@ -50,8 +50,8 @@ REST_M = 0.02
 class RandomBest:
     """Random changes of a cloud of points (N, 4), all finite, with the best of `tries` for each object.
 
-    Removed and added points are judged together once more, moved ones are not. One try is not judged: it is a
-    random change near objects.
+    One of the tries is the combination of the best changes; of removed and added points several may be. One
+    try alone is not judged: it is a random change near objects.
     """
 
     points: Float32
@@ -93,8 +93,9 @@ class RandomBest:
         if self.tries == 1:
             return next(search.candidates(1))
         found, focus = self.detector.detect(cloud_of_xyzi(self.points)), Focus(self.points, self.goal.regions)
-        best = PerObjectBest(self.goal, self.detector, self.points, found, owner, focus)
-        for candidate in search.candidates(self.tries):
+        most = self.rules.constraints.max_points
+        best = PerObjectBest(self.goal, self.detector, self.points, found, owner, focus, self.tries, most)
+        for candidate in search.candidates(best.candidates):
             best.update(candidate)
         return best.combined()
 

@@ -239,11 +239,14 @@ class Perturb(LidarAttack):
         else:
             search = ScoreSearch(points, goal, detector, rules, owner, focus, self.eps_m, rng)
             note = NO_OCCUPANCY
-        best = None
-        if self.settings.keep_best:
-            best = PerObjectBest(goal, detector, points, found, owner, focus)
-        moved = points
-        for candidate in search.candidates(self.steps):
-            moved = candidate.points
-            search.accept(everywhere if best is None else best.update(moved, candidate.found))
-        return moved if best is None else best.combined(), note
+        if not self.settings.keep_best:
+            last = points
+            for candidate in search.candidates(self.steps):
+                last = candidate.points
+                search.accept(everywhere)
+            return last, note
+        most = self.constraints.max_points
+        best = PerObjectBest(goal, detector, points, found, owner, focus, self.steps, most)
+        for candidate in search.candidates(best.candidates):
+            search.accept(best.update(candidate.points, candidate.found))
+        return best.combined(), note

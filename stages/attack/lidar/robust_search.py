@@ -21,6 +21,7 @@ from advpipe.pipeline.adversary.expected_objective import still_found
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.per_object_best import within_limit
 from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
@@ -70,14 +71,16 @@ class RobustSearch:
         no gradient from the start.
         """
         kept = self.choice.copy()
-        success = np.full(len(self.goal.regions), -np.inf)
+        success = first = np.full(len(self.goal.regions), -np.inf)
         for number in range(rounds + 1):
             phase = number % ROUNDS_PER_CYCLE
             if not self.focus.is_open.any():
                 break
             mean, is_done = self._judged(takes_gain=number < rounds)
             better = self.focus.is_open & (mean > success + 1e-9)
-            success[better] = mean[better]
+            success = np.where(better, mean, success)
+            if not number:
+                first = success
             taken = better[self.owner[self.movable]]
             kept[taken] = self.choice[taken]
             if number or not is_done.all():  # else nothing is found: follow the gradient everywhere
@@ -86,7 +89,8 @@ class RobustSearch:
             self.choice[again] = kept[again]
             share = phase / max(1, min(ROUNDS_PER_CYCLE, rounds) - 1)
             self._step(FIRST_PROBABILITY + (LAST_PROBABILITY - FIRST_PROBABILITY) * share)
-        return self._placed(kept)
+        most = self.rules.constraints.max_points
+        return within_limit(self._placed(kept), self.points, self.owner, success - first, most)
 
     def _moved_by(self, way: Float64, reach_m: float) -> Float32:
         offset = np.zeros((len(self.points), 3))

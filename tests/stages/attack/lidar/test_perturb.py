@@ -245,16 +245,23 @@ def test_bad_parameters(wrong, line):
 @pytest.mark.parametrize("steps", [4, 12, 24, 30])
 def test_best_judges_as_many_candidates_as_it_declares(scene, monkeypatch, steps):
     """`random-best` is given this number, and it judges nothing but its draws."""
-    judged, update = [], PerObjectBest.update
+    judged, combined = [], []
+    update, judge_combination = PerObjectBest.update, PerObjectBest._judge_combination
 
     def counted(self, candidate, found=None):
         judged.append((candidate != xyzi(scene[0])).any())
         return update(self, candidate, found)
 
+    def counted_combination(self):
+        combined.append(len(judged))
+        judge_combination(self)
+
     monkeypatch.setattr(PerObjectBest, "update", counted)
+    monkeypatch.setattr(PerObjectBest, "_judge_combination", counted_combination)
     monkeypatch.setattr(AttackGoal, "is_done", lambda self, success: np.zeros(len(success), bool))
     attack = Perturb(eps_cm=10, steps=steps)
     attack(*scene, rng())
-    assert len(judged) == steps + 1
+    assert len(judged) + len(combined) == steps + 1
     assert judged[0] == 0  # the clean cloud, from which the first gradient is
+    assert combined == [math.ceil(0.75 * steps)]
     assert attack.query_budget == steps
