@@ -20,6 +20,7 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     loose_table,
     paper_tables,
     records,
+    seeds_table,
     table_one,
     table_two,
 )
@@ -108,6 +109,7 @@ def _html(
     warnings: Sequence[str],
 ) -> str:
     details = (
+        seeds_table(cells),
         *(baselines_table(cells), loose_table(cells), budget_table(cells), convergence_table(cells)),
         *ingredients_tables(cells),
     )
@@ -142,6 +144,8 @@ def print_document(cells: Sequence[Cell], recipes: Sequence[str], warnings: Sequ
         table = table_two(cells, recipes, attack)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
         console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
+    if (of_seeds := seeds_table(cells)).lines:
+        console.print(_rich(of_seeds))
     for caveat in sweep_caveats(cells):
         console.print(caveat, highlight=False, markup=False)
 

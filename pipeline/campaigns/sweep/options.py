@@ -21,8 +21,8 @@ class SweepOptions:
 
     table: whose budgets. cells: the names of some of them; empty for all. recipes: of the attacks. frames: of
     the clean bag; None for at most `USUAL_FRAMES`. seed: of the attacks, the baselines and the bootstrap.
-    baseline_tries: see `evaluate`. keep_bags: whether to keep the adversarial bags, in bags/. workers:
-    processes, by default one per core.
+    seeds: how many, from that one on. baseline_tries: see `evaluate`. keep_bags: whether to keep the
+    adversarial bags, in bags/. workers: processes, by default one per core.
     """
 
     table: str = option(
@@ -41,6 +41,7 @@ class SweepOptions:
     detector: str = options.detector()
     device: str = options.device()
     seed: int = option(0, "Seed of the attacks, the baselines and the bootstrap.", least=0)
+    seeds: int = option(1, "How many seeds, from --seed on; tables show the spread.", least=1)
     baseline_tries: int | None = options.baseline_tries()
     lidar_topic: str | None = options.lidar_topic()
     lidar_height_m: float | None = options.lidar_height_m()

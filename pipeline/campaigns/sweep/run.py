@@ -17,7 +17,13 @@ from advpipe.pipeline.campaigns.sweep.panel_pictures import panel_pictures
 from advpipe.pipeline.campaigns.sweep.settings import sweep_settings
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.tables import paper_tables, recipes_of, records
-from advpipe.pipeline.campaigns.sweep.variants import steps_factor, variant_parameters
+from advpipe.pipeline.campaigns.sweep.variants import (
+    seed_above,
+    steps_factor,
+    variant_parameters,
+    with_seed_of,
+    with_seeds,
+)
 from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular, html_paragraph, html_table
@@ -51,7 +57,7 @@ class Sweep:
         prepared = cls(clean, Store(out), bench, settings, budgets, options)
         with as_usage_error():
             for recipe, budget in prepared.places():
-                bench.request(budget, recipe, settings).check()
+                bench.request(budget, recipe, with_seed_of(recipe, settings)).check()
         count = len(list(prepared.places()))
         if not count:
             attacks = ", ".join(sorted({budget.attack for budget in budgets}))
@@ -59,11 +65,16 @@ class Sweep:
         detail(f"{count} cells of {clean}: {options.detector} on {options.device}, seed {options.seed}")
         return prepared
 
+    @property
+    def recipes(self) -> tuple[str, ...]:
+        """The recipes with all seeds."""
+        return with_seeds(self.options.recipes, self.options.seeds)
+
     def places(self) -> Iterator[tuple[str, SweepBudget]]:
         """The cells by recipe and budget, but for variants that an attack does not have."""
         return (
             (recipe, budget)
-            for recipe in self.options.recipes
+            for recipe in self.recipes
             for budget in self.budgets
             if variant_parameters(recipe, budget.attack) is not None
         )
@@ -74,7 +85,7 @@ class Sweep:
 
     def run(self, overwrite: bool = False) -> SweepReport:
         """Run the cells that are missing, and write the report of all that the folder holds."""
-        self.store.open(self.settings, list(self.options.recipes), overwrite)
+        self.store.open(self.settings, list(self.recipes), overwrite)
         missing = [cell for cell in self.places() if self.store.load(cell[0], cell[1].name) is None]
         plan_progress({**{cell_name(*cell): 10.0 for cell in missing}, WRITING: 3})
         new = [recipe for recipe, budget in self.places() if self._run_missing(recipe, budget)]
@@ -84,11 +95,11 @@ class Sweep:
     def _write(self, new: Sequence[str]) -> SweepReport:
         """Write the report of the finished cells; new: recipes with a new one among them."""
         done = self.store.cells()
-        shown = recipes_of(done, list(self.options.recipes))
+        shown = recipes_of(done, list(self.recipes))
         pictures = [
             picture
             for recipe in shown
-            if steps_factor(recipe) == 1
+            if steps_factor(recipe) == 1 and not seed_above(recipe)
             for picture in panel_pictures(self.bench, self.store, recipe, recipe in new)
         ]
         detector = load_detector(self.options.detector, self.options.device)
@@ -103,7 +114,7 @@ class Sweep:
             print_result(f"{cell_name(recipe, budget)}: kept")
             return False
         with working_on(cell_name(recipe, budget)):
-            cell, times = self.bench.run(budget, recipe, self.settings)
+            cell, times = self.bench.run(budget, recipe, with_seed_of(recipe, self.settings))
             self.store.save(cell, times)
         print_result(_line(cell, budget, times))
         return True
@@ -162,7 +173,7 @@ def commands_of(clean: Path, table: str, cells: Sequence[Cell]) -> str:
     of_recipe = {cell.recipe: cell.settings for cell in cells}
     return "\n".join(
         f"advpipe sweep {clean.parent.name}/{clean.name} --table {table} --recipe {recipe} "
-        f"--frames {one.frames} --detector {one.detector} --seed {one.seed}"
+        f"--frames {one.frames} --detector {one.detector} --seed {one.seed - seed_above(recipe)}"
         + (f" --baseline-tries {one.baseline_tries}" if one.baseline_tries else "")
         + (f" --lidar {one.lidar_topic}" if one.lidar_topic else "")
         + (f" --lidar-height {one.lidar_height_m:g}" if one.lidar_height_m is not None else "")

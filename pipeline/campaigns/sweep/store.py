@@ -12,6 +12,7 @@ from pathlib import Path
 
 from advpipe.pipeline.campaigns.sweep.budgets import BUDGETS
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
+from advpipe.pipeline.campaigns.sweep.variants import with_seed_of
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -97,7 +98,7 @@ class Store:
 
 def _difference(cell: Cell, settings: Settings, is_asked_for: bool) -> tuple[str, object, object] | None:
     """Which setting differs first, with both values; frames count only where the recipe is asked for."""
-    mine, wanted = asdict(cell.settings), asdict(settings)
+    mine, wanted = asdict(cell.settings), asdict(with_seed_of(cell.recipe, settings))
     for key, value in wanted.items():
         if mine[key] != value and (key != "frames" or is_asked_for):
             return key.replace("code_sha256", "code of advpipe"), _short(mine[key]), _short(value)

@@ -10,7 +10,7 @@ import numpy as np
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, BUDGETS, TABLE_ONE, TABLES, SweepBudget
 from advpipe.pipeline.campaigns.sweep.cell import Cell
-from advpipe.pipeline.campaigns.sweep.variants import by_steps, split_recipe, steps_factor
+from advpipe.pipeline.campaigns.sweep.variants import by_seeds, by_steps, split_recipe, steps_factor
 from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.metrics import CloudMetrics
@@ -171,6 +171,20 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
     return Table(title, heads, tuple(lines))
 
 
+def seeds_table(cells: Sequence[Cell]) -> Table:
+    """The mean over seeds, and the least and the largest, of cells that were run with several seeds."""
+    heads = ("cell", "seeds", "strict ratio %", "least to largest", "loose ratio %", "least to largest")
+    lines = []
+    for name, family in by_seeds(cells).items():
+        random = [cell.strongest_random for cell in family]
+        for title, found in ((name, [cell.attacked for cell in family]), (f"  {RANDOM}", random)):
+            metrics = [each for each in found if each is not None]
+            strict = _over_seeds([each.map_ratio_percent for each in metrics])
+            loose = _over_seeds([each.map_loose_ratio_percent for each in metrics])
+            lines.append((title, ", ".join(str(cell.settings.seed) for cell in family), *strict, *loose))
+    return Table("Spread over seeds: the same frames, attacked again", heads, tuple(lines))
+
+
 def loose_table(cells: Sequence[Cell]) -> Table:
     """The mAP ratio at strict and at loose overlap: how much of an attack hides, and how much misplaces."""
     heads = (
@@ -293,6 +307,13 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
                 }
             listed.append(about)
     return listed
+
+
+def _over_seeds(values: Sequence[float]) -> tuple[str, str]:
+    """The mean, and the range."""
+    if not values:
+        return NOTHING, NOTHING
+    return formatted_number(float(np.mean(values)), 2), interval((min(values), max(values)))
 
 
 def _distance_and_ratios(metrics: CloudMetrics | None) -> list[str]:

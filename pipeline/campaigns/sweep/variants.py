@@ -1,11 +1,13 @@
-"""Variants of a recipe in a sweep: `best+twice` takes twice its steps, `best+ray` keeps points on rays."""
+"""Variants of a recipe in a sweep: `best+twice` takes twice its steps, `best+ray` keeps points on rays,
+`best+seed1` has another seed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
@@ -24,7 +26,10 @@ rays, or in front of what they hide; to know the clean detections, not the true 
 STEPS: Mapping[str, float] = {"half": 0.5, "twice": 2}
 """Factors of the number of steps, to see whether more steps make the attack stronger."""
 
-VARIANTS = (*PARAMETERS, *STEPS)
+SEEDS: Mapping[str, int] = {f"seed{more}": more for more in range(1, 10)}
+"""By how much the seed of the attack, the baselines and the bootstrap is above the sweep's."""
+
+VARIANTS = (*PARAMETERS, *STEPS, *SEEDS)
 
 
 def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
@@ -38,8 +43,9 @@ def split_recipe(text: str) -> tuple[str, tuple[str, ...]]:
     spelling = "+".join([recipe, *(variant for variant in VARIANTS if variant in variants)])
     if text != spelling:
         raise UsageError(f"recipe {text} is spelt {spelling}")
-    if len([variant for variant in variants if variant in STEPS]) > 1:
-        raise UsageError(f"recipe {text} asks for two numbers of steps; take one of {', '.join(STEPS)}")
+    for what, among in (("numbers of steps", STEPS), ("seeds", SEEDS)):
+        if len([variant for variant in variants if variant in among]) > 1:
+            raise UsageError(f"recipe {text} asks for two {what}; take one of {', '.join(among)}")
     return recipe, tuple(variants)
 
 
@@ -57,18 +63,57 @@ def steps_factor(recipe: str) -> float:
     return next((STEPS[variant] for variant in split_recipe(recipe)[1] if variant in STEPS), 1)
 
 
+def seed_above(recipe: str) -> int:
+    """By how much the seed of a recipe is above the sweep's."""
+    return next((SEEDS[variant] for variant in split_recipe(recipe)[1] if variant in SEEDS), 0)
+
+
+def with_seed_of(recipe: str, settings: Settings) -> Settings:
+    """The settings of a cell of a recipe, given the sweep's."""
+    return replace(settings, seed=settings.seed + seed_above(recipe))
+
+
+def with_seeds(recipes: Sequence[str], count: int) -> tuple[str, ...]:
+    """The recipes, each with so many seeds; those that name one keep it.
+
+    Raises AdvpipeError for more seeds than variants name.
+    """
+    if count - 1 > len(SEEDS):
+        raise UsageError(f"seeds is {count}, but a sweep takes at most {len(SEEDS) + 1}")
+    named = [
+        f"{recipe}+seed{more}" if more else recipe
+        for recipe in recipes
+        for more in range(1 if seed_above(recipe) else count)
+    ]
+    return tuple(dict.fromkeys(named))
+
+
 def by_steps(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     """The cells that were also run with other steps, by the name of the plain one, from few steps to many.
 
     Cells without a plain one are left out: there is nothing to compare them with.
     """
-    families: dict[str, list[Cell]] = {}
-    for cell in cells:
-        recipe, variants = split_recipe(cell.recipe)
-        plain = "+".join([recipe, *(variant for variant in variants if variant not in STEPS)])
-        families.setdefault(f"{plain}-{cell.budget}", []).append(cell)
+    families = _families(cells, STEPS)
     return {
         name: sorted(family, key=lambda cell: steps_factor(cell.recipe))
         for name, family in families.items()
-        if len(family) > 1 and any(cell.name == name for cell in family)
+        if any(cell.name == name for cell in family)
     }
+
+
+def by_seeds(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
+    """The cells that were also run with other seeds, by the name without one, in the order of the seeds."""
+    families = _families(cells, SEEDS)
+    return {
+        name: sorted(family, key=lambda cell: seed_above(cell.recipe)) for name, family in families.items()
+    }
+
+
+def _families(cells: Sequence[Cell], among: Mapping[str, float]) -> dict[str, list[Cell]]:
+    """Cells that differ in these variants alone, by the name without them; two or more of each."""
+    families: dict[str, list[Cell]] = {}
+    for cell in cells:
+        recipe, variants = split_recipe(cell.recipe)
+        plain = "+".join([recipe, *(variant for variant in variants if variant not in among)])
+        families.setdefault(f"{plain}-{cell.budget}", []).append(cell)
+    return {name: family for name, family in families.items() if len(family) > 1}

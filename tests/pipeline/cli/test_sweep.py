@@ -181,6 +181,24 @@ def test_twice_the_steps_and_as_many_tries(clean: Path, tmp_path: Path) -> None:
     assert "--recipe best+twice " in twice
 
 
+def test_two_seeds(clean: Path, tmp_path: Path) -> None:
+    """The second one is that of a sweep of its own, to the figure; the folder goes on with both."""
+    out = tmp_path / "out"
+    run(clean, out, ["detach-1"], recipes="random", frames="::6", seed=3, seeds=2)
+    cells = {cell.recipe: cell for cell in Store(out).cells()}
+    assert {name: cell.settings.seed for name, cell in cells.items()} == {"random": 3, "random+seed1": 4}
+    assert cells["random"].bag_sha256 != cells["random+seed1"].bag_sha256
+    run(clean, tmp_path / "alone", ["detach-1"], recipes="random", frames="::6", seed=4)
+    (alone,) = Store(tmp_path / "alone").cells()
+    assert replace(alone.row, bag="") == replace(cells["random+seed1"].row, bag="")
+    run(clean, out, ["detach-1"], recipes="random", frames="::6", seed=3, seeds=2)
+    run(clean, out, ["detach-1"], recipes="random", frames="::6", seed=3, seeds=2, check=2)
+    assert "<h2>Spread over seeds: the same frames, attacked again</h2>" in (out / "report.html").read_text()
+    commands = json.loads((out / "report.json").read_text())["command"].splitlines()
+    assert [line.partition("--recipe ")[2].split()[0] for line in commands] == ["random", "random+seed1"]
+    assert all("--seed 3" in line for line in commands)
+
+
 def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
     """Of frames of its own, in the same folder; no bag is left behind."""
     run(clean, swept, TABLE_ONE, recipes="random", frames="::3")

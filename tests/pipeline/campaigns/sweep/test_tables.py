@@ -8,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from cells import cell
+from cells import SETTINGS, cell
 
 from advpipe.pipeline.campaigns.sweep.budgets import TABLES, budget_named
 from advpipe.pipeline.campaigns.sweep.cell import Cell
@@ -24,11 +24,18 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     loose_table,
     recipes_of,
     records,
+    seeds_table,
     step,
     table_one,
     table_two,
 )
-from advpipe.pipeline.campaigns.sweep.variants import split_recipe, variant_parameters
+from advpipe.pipeline.campaigns.sweep.variants import (
+    seed_above,
+    split_recipe,
+    variant_parameters,
+    with_seed_of,
+    with_seeds,
+)
 from advpipe.pipeline.core.errors import AdvpipeError
 
 
@@ -202,3 +209,26 @@ def test_other_code_is_no_difference_by_itself():
     assert cell_differences(one, other) == []
     assert cell_differences(one, replace(one, bag_sha256="f" * 64)) != []
     assert cell_differences(one, replace(other, frames=(0, 2))) == ["frames (0, 2, 4), again (0, 2)"]
+
+
+def test_spread_over_seeds():
+    other = replace(cell("detach-1", 20.0, "best+seed1"), settings=replace(SETTINGS, seed=1))
+    table = seeds_table([cell("detach-1", 10.0), other, cell("attach-0.5", 3.0)])
+    assert table.lines == (
+        ("best-detach-1", "0, 1", "15.00", "10.0…20.0", "45.00", "40.0…50.0"),
+        ("  random baseline", "0, 1", "90.00", "90.0…90.0", "97.00", "97.0…97.0"),
+    )
+    assert not seeds_table([cell("detach-1", 10.0), cell("detach-1", 9.0, "best+twice")]).lines
+
+
+def test_recipes_with_seeds():
+    assert with_seeds(["best", "paper+weighted"], 2) == (
+        *("best", "best+seed1", "paper+weighted", "paper+weighted+seed1"),
+    )
+    assert with_seeds(["best+seed3"], 2) == ("best+seed3",)
+    assert seed_above("best+twice+seed3") == 3
+    assert with_seed_of("best+seed2", replace(SETTINGS, seed=5)).seed == 7
+    with pytest.raises(AdvpipeError, match=r"seeds is 11, but a sweep takes at most 10"):
+        with_seeds(["best"], 11)
+    with pytest.raises(AdvpipeError, match=r"asks for two seeds"):
+        split_recipe("best+seed1+seed2")
