@@ -240,11 +240,11 @@ class Perturb(LidarAttack):
             search = ScoreSearch(points, goal, detector, rules, owner, focus, self.eps_m, rng)
             note = NO_OCCUPANCY
         if not self.settings.keep_best:
-            last = points
+            unjudged = points
             for candidate in search.candidates(self.steps):
-                last = candidate.points
+                unjudged = candidate.points
                 search.accept(everywhere)
-            return last, note
+            return unjudged, note
         most = self.constraints.max_points
         best = PerObjectBest(goal, detector, points, found, owner, focus, self.steps, most)
         for candidate in search.candidates(best.candidates):
