@@ -22,6 +22,7 @@ from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
 from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.radio.vehicle_loss import Bodies
 from advpipe.pipeline.v2x.section import V2x
 
 
@@ -36,10 +37,20 @@ class RadioPlace(NamedTuple):
 
 
 def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
-    """The stations for the radio medium, with their antennas above the centres of their vehicles."""
+    """The stations for the radio medium, with their antennas above the centres of their vehicles.
+
+    The vehicles have bodies where `v2x.radio.vehicle_loss` makes them obstacles.
+    """
     ids = np.array([place.station_id for place in places], np.int64)
     poses = np.concatenate([np.empty((0, 4)), *(place.map_SE3_base for place in places)]).reshape(-1, 4, 4)
-    return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m))
+    bodies = None if v2x.radio.vehicle_loss == "none" else _bodies(places, poses)
+    return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m), bodies)
+
+
+def _bodies(places: Sequence[RadioPlace], poses: Float64) -> Bodies:
+    size_m = np.array([place.size_m for place in places], np.float64).reshape(-1, 3)
+    forward = poses[:, :2, 0] / np.linalg.norm(poses[:, :2, 0], axis=1, keepdims=True)
+    return Bodies(poses[:, :2, 3], forward, size_m[:, :2] / 2, poses[:, 2, 3] + size_m[:, 2])
 
 
 def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: str = "map") -> StampedCdr:
