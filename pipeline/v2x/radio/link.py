@@ -15,7 +15,7 @@ from advpipe.pipeline.v2x.radio.vehicle_loss import vehicle_loss_db
 from advpipe.pipeline.v2x.section import Radio
 
 NEGLIGIBLE_DB = 15.0
-"""Signals this far below the noise have no effect, so their loss by buildings and vehicles is not computed."""
+"""Signals this far below the noise have no effect: buildings and vehicles are not looked for."""
 
 
 class Link:

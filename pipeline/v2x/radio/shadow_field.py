@@ -13,9 +13,9 @@ class ShadowField:
     """Standard normal shadowing of every link, whose autocorrelation is exp(-moved / correlation distance).
 
     `moved` is how far the ends of the link move in sum: Gudmundson's model (Electronics Letters 27(23), 1991)
-    for both ends, as a sum of sinusoids over their places (Wang, Tameh and Nix, IEEE TVT 57(1), 2008). A
-    place has the same shadowing whenever a vehicle passes it, in both directions of the link; close links have
-    similar ones.
+    for both ends, as a sum of sinusoids over their places (Wang, Tameh and Nix, IEEE TVT 57(1), 2008). The
+    same two places have the same shadowing at all times and in both directions; close links have similar
+    ones.
     """
 
     def __init__(self, correlation_distance_m: float, rng: np.random.Generator) -> None:
@@ -34,7 +34,7 @@ class ShadowField:
         apart_m = np.linalg.norm(places_m[:, None, :2] - places_m[None, :, :2], axis=2)
         variance = 2 * (1 + np.exp(-2 * apart_m / self._correlation_distance_m))
         # The two ways of a link are independent unless its ends are near each other.
-        both: Float64 = (one_way + one_way.T) / np.sqrt(variance) 
+        both: Float64 = (one_way + one_way.T) / np.sqrt(variance)
         return both
 
     def _wave_vectors(self, rng: np.random.Generator) -> Float64:

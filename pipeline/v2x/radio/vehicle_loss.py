@@ -1,6 +1,6 @@
 """Vehicles that stand between two antennas: loss by diffraction over their roofs.
 
-As Boban et al. (IEEE JSAC 29(1), 2011) treat vehicles, each is a knife edge; several between the same antennas
+As in Boban et al. (IEEE JSAC 29(1), 2011), each vehicle is a knife edge; several between the same antennas
 become Bullington's equivalent edge, as in ITU-R P.526-15, 4.5.1. Diffraction around the sides is left out.
 """
 
@@ -75,9 +75,7 @@ def _from_sender(
     )  # fmt: skip
 
 
-def _near(
-    origin_m: Float64, directions: Float64, lengths_m: Float64, bodies: Bodies
-) -> tuple[Int64, Int64]:
+def _near(origin_m: Float64, directions: Float64, lengths_m: Float64, bodies: Bodies) -> tuple[Int64, Int64]:
     """Rays and bodies whose circumscribed circle the ray meets."""
     delta_m = bodies.centre_m - origin_m
     radius_m = np.linalg.norm(bodies.half_m, axis=1)
@@ -99,7 +97,10 @@ def _crossing(origin_m: Float64, rays_m: Float64, bodies: Bodies, body: Int64) -
         speed = np.einsum("kx,kx->k", rays_m, axis)
         speed = np.where(np.abs(speed) < 1e-12, 1e-12, speed)
         one, other = (-half - begin) / speed, (half - begin) / speed
-        enters, leaves = np.maximum(enters, np.minimum(one, other)), np.minimum(leaves, np.maximum(one, other))
+        enters, leaves = (
+            np.maximum(enters, np.minimum(one, other)),
+            np.minimum(leaves, np.maximum(one, other)),
+        )
     return (enters + leaves) / 2, enters < leaves
 
 

@@ -32,7 +32,7 @@ def test_a_full_channel_leads_to_the_smallest_share() -> None:
     assert one.share == 0.0006
 
 
-@pytest.mark.parametrize(("stations", "share", "load"), [(100, 0.006, 0.6), (884, 0.000756, 0.668)])
+@pytest.mark.parametrize(("stations", "share", "load"), [(100, 0.006, 0.6), (884, 0.000758, 0.670)])
 def test_stations_that_share_a_channel_approach_the_fixed_point(
     stations: int, share: float, load: float
 ) -> None:

@@ -21,7 +21,9 @@ def bodies(vehicles: list[tuple[float, float, float, tuple[float, float, float]]
     return Bodies(np.column_stack([x, y]), forward, size_m[:, :2] / 2, size_m[:, 2])
 
 
-def loss_db(vehicles: list[tuple[float, float, float, tuple[float, float, float]]], antenna_m: float) -> float:
+def loss_db(
+    vehicles: list[tuple[float, float, float, tuple[float, float, float]]], antenna_m: float
+) -> float:
     """From the first vehicle to the second; antennas at this height."""
     box = bodies(vehicles)
     places_m = np.column_stack([box.centre_m, np.full(len(vehicles), antenna_m)])
