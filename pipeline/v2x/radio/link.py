@@ -50,11 +50,12 @@ class Link:
                 received_dbm += stddev_db * self._shadow.normal(antenna_m)[senders]
         if radio.fading == "nakagami":
             received_dbm += nakagami_db(self._draws.of_pairs("fading", *pairs), distance_m)
-        matters = received_dbm > radio.noise_dbm - NEGLIGIBLE_DB
         if stations.bodies is not None:
+            matters = received_dbm > radio.noise_dbm - NEGLIGIBLE_DB
             wavelength_m = SPEED_OF_LIGHT_MPS / radio.frequency_hz
             received_dbm -= vehicle_loss_db(antenna_m, stations.bodies, senders, matters, wavelength_m)
         if self._buildings is not None:
+            matters = received_dbm > radio.noise_dbm - NEGLIGIBLE_DB
             ground_m = antenna_m[:, :2]
             walls, inside_m = self._buildings.crossings(ground_m[senders], ground_m, matters)
             received_dbm -= radio.wall_loss_db * walls + radio.inside_loss_db_per_m * inside_m
