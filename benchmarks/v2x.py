@@ -186,7 +186,7 @@ def states(stations: int, step: int) -> list[StationState]:
 
 
 def fleets(most: int) -> None:
-    """What generating, encoding and transmitting the CAMs of growing fleets takes, and the process's memory."""
+    """What generating, encoding and transmitting the CAMs of growing fleets takes, and the memory."""
     print("stations  messages/s sent  CPU ms a step of 100 ms  memory MB")
     for stations in [count for count in (100, 300, 1000, 2000) if count <= most]:
         steps = max(10, 6000 // stations)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw
+from advpipe.pipeline.geometry.transforms import Float64, quaternion_of_rows
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
@@ -59,12 +59,12 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
     cdr.header(stamp_ns, frame_id)
     cdr.uint32(len(stations))
     for station in stations:
-        pose = station.map_SE3_base
+        pose = station.map_SE3_base.tolist()
         cdr.uint32(station.station_id)
         cdr.string(station.vehicle)
         cdr.float64(
-            *pose[:3, 3].tolist(),
-            *quaternion_xyzw(pose).tolist(),
+            *(row[3] for row in pose[:3]),
+            *quaternion_of_rows(pose),
             *station.size_m,
             *station.velocity_mps.tolist(),
         )

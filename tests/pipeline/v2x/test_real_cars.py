@@ -2,8 +2,8 @@
 
 Each trace has time, place, heading and speed of every CAM and the rule that triggered it. LOG_GPS_... is a
 track of 20 fixes a second, recorded during one of the drives by a second car: it follows the car that sent,
-at 9 to 26 s. So it says how often a car on that road sends, and not when that car sent; for that, the sender's
-own track is read off its CAMs, between which it is taken as straight.
+at 9 to 26 s. So it says how often a car on that road sends, and not when that car sent; for that, the
+sender's own track is read off its CAMs, between which it is taken as straight.
 
 The recorded stack differs from EN 302 637-2: a quiet CAM comes after T_GenCamMax (1 s) and never after the
 last interval, which is N_GenCam = 0.
