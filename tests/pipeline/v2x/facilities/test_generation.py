@@ -82,7 +82,7 @@ def test_congestion_control_slows_down(car: Car) -> None:
 
 
 def test_without_a_last_interval_to_repeat_quiet_cams_come_after_the_longest(car: Car) -> None:
-    """N_GenCam = 0: the car speeds up once, at 2.3 s; by the standard, three CAMs would follow 0.9 s apart."""
+    """N_GenCam = 0: the car speeds up at 2.3 s; by the standard, three CAMs then follow 0.9 s apart."""
 
     def times(rules: GenerationRules) -> list[int]:
         generator, sent = CamGenerator(START_NS, rules), []
