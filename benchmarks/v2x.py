@@ -6,12 +6,16 @@ latter two meet the same machine; where others use it, the drives in turns do no
 message without any drive: generate, encode, transmit, decode, Local Dynamic Map.
 
     python benchmarks/v2x.py [--vehicles 230] [--frames 60] [--rounds 3] [--set key=value]
+    python benchmarks/v2x.py --fleet 2000
+
+The second form measures fleets of 100 to 2000 stations without a drive.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import resource
 import statistics
 import sys
 import time
@@ -181,6 +185,35 @@ def states(stations: int, step: int) -> list[StationState]:
     return found
 
 
+def fleets(most: int) -> None:
+    """What generating, encoding and transmitting the CAMs of growing fleets takes, and the memory."""
+    print("stations  messages/s sent  CPU ms a step of 100 ms  memory MB")
+    for stations in [count for count in (100, 300, 1000, 2000) if count <= most]:
+        steps = max(10, 6000 // stations)
+        drive, generators = (states(stations, step) for step in range(steps)), {}
+        geodesy, sent = Geodesy(48.0, 11.0, 520.0), 0
+        channel = Channel(V2x(), 1, geodesy, {})
+        spent_s = 0.0
+        for step, each in enumerate(drive):
+            antennas_m = [geodesy.to_map([s.latitude_deg, s.longitude_deg, 521.5]) for s in each]
+            places = Stations(np.arange(1, stations + 1), np.array(antennas_m))
+            begin_ns, now = START_NS + step * STEP_NS, []
+            start_s = time.process_time()
+            for state in each:
+                check_ns = begin_ns + 49_000 * state.station_id
+                generator = generators.setdefault(state.station_id, generation.CamGenerator(START_NS))
+                if (cam := generator.check(check_ns, state)) is not None:
+                    key = int(message_keys(state.station_id, check_ns)[()])
+                    number = sent + len(now)
+                    now.append(Sent(number, key, state.station_id, check_ns, cam.payload, 23.0))
+            channel.advance(begin_ns + STEP_NS, places, now)
+            spent_s += time.process_time() - start_s
+            sent += len(now)
+        memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        rate = sent / (steps * STEP_NS / 1e9)
+        print(f"{stations:8} {rate:16,.0f} {1000 * spent_s / steps:24.1f} {memory_mb:10.0f}")
+
+
 def messages(stations: int = 200, steps: int = 50) -> None:
     """Messages a second through everything but the drive, and through the codec alone."""
     drive = [states(stations, step) for step in range(steps)]
@@ -230,9 +263,13 @@ def main() -> int:
     parser.add_argument("--vehicles", type=int, default=230)
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--fleet", type=int, help="only fleets of up to this many stations, at most 2000")
     parser.add_argument("--set", action="append", default=[])
     given = parser.parse_args()
     print(machine())
+    if given.fleet:
+        fleets(given.fleet)
+        return 0
     messages()
     settings = [f"traffic.vehicles={given.vehicles}", "v2x.penetration=1", *given.set]
     ratio = drives(settings, given.frames, given.rounds)

@@ -60,7 +60,12 @@ def quaternion_xyzw(a_SE3_b: Float64) -> Float64:
     It starts from the largest component to avoid a division by a small number (Shepperd, J. Guidance and
     Control 1(3), 1978). Python floats are used since they are faster than numpy for one matrix.
     """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = a_SE3_b[:3, :3].tolist()
+    return np.array(quaternion_of_rows(a_SE3_b[:3, :3].tolist()))
+
+
+def quaternion_of_rows(rows: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
+    """As `quaternion_xyzw`, from the first three numbers of three rows."""
+    (xx, xy, xz, *_), (yx, yy, yz, *_), (zx, zy, zz, *_), *_ = rows
     trace = xx + yy + zz
     largest = max(xx, yy, zz, trace)
     if largest == trace:
@@ -72,7 +77,8 @@ def quaternion_xyzw(a_SE3_b: Float64) -> Float64:
     else:
         parts = (xz + zx, zy + yz, 1 - trace + 2 * zz, yx - xy)
     norm = math.copysign(math.hypot(*parts), parts[3])
-    return np.array(parts) / norm
+    x, y, z, w = parts
+    return x / norm, y / norm, z / norm, w / norm
 
 
 def se3_from_quaternion(xyzw: npt.ArrayLike, translation_m: npt.ArrayLike) -> Float64:

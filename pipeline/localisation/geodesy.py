@@ -25,6 +25,11 @@ class Geodesy:
         longitude_deg, latitude_deg = self._projection(x, y, inverse=True)
         return np.array([latitude_deg, longitude_deg, self._altitude_m + z])
 
+    def place_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """x and y of one place, as `to_map` computes them; infinite on the other side of the Earth."""
+        x_m, y_m = self._projection(longitude_deg, latitude_deg)
+        return float(x_m), float(y_m)
+
     def to_map(self, geographic: npt.ArrayLike) -> Float64:
         """The place (3,) in the map's frame of latitude, longitude, altitude (3,)."""
         latitude_deg, longitude_deg, altitude_m = np.asarray(geographic, dtype=np.float64)

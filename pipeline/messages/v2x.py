@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.geometry.transforms import Float64, quaternion_xyzw
+from advpipe.pipeline.geometry.transforms import Float64, quaternion_of_rows
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
@@ -22,6 +22,7 @@ from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
 from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.radio.vehicle_loss import Bodies
 from advpipe.pipeline.v2x.section import V2x
 
 
@@ -36,10 +37,20 @@ class RadioPlace(NamedTuple):
 
 
 def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
-    """The stations for the radio medium, with their antennas above the centres of their vehicles."""
+    """The stations for the radio medium, with their antennas above the centres of their vehicles.
+
+    The vehicles have bodies where `v2x.radio.vehicle_loss` makes them obstacles.
+    """
     ids = np.array([place.station_id for place in places], np.int64)
     poses = np.concatenate([np.empty((0, 4)), *(place.map_SE3_base for place in places)]).reshape(-1, 4, 4)
-    return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m))
+    bodies = None if v2x.radio.vehicle_loss == "none" else _bodies(places, poses)
+    return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m), bodies)
+
+
+def _bodies(places: Sequence[RadioPlace], poses: Float64) -> Bodies:
+    size_m = np.array([place.size_m for place in places], np.float64).reshape(-1, 3)
+    forward = poses[:, :2, 0] / np.linalg.norm(poses[:, :2, 0], axis=1, keepdims=True)
+    return Bodies(poses[:, :2, 3], forward, size_m[:, :2] / 2, poses[:, 2, 3] + size_m[:, 2])
 
 
 def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: str = "map") -> StampedCdr:
@@ -48,12 +59,12 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
     cdr.header(stamp_ns, frame_id)
     cdr.uint32(len(stations))
     for station in stations:
-        pose = station.map_SE3_base
+        pose = station.map_SE3_base.tolist()
         cdr.uint32(station.station_id)
         cdr.string(station.vehicle)
         cdr.float64(
-            *pose[:3, 3].tolist(),
-            *quaternion_xyzw(pose).tolist(),
+            *(row[3] for row in pose[:3]),
+            *quaternion_of_rows(pose),
             *station.size_m,
             *station.velocity_mps.tolist(),
         )

@@ -23,13 +23,20 @@ CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 
 
 class Shadowing(Section):
-    """Log-normal shadowing, drawn anew for each message and receiver."""
+    """Log-normal shadowing, drawn anew for each message and receiver unless it has a correlation distance."""
 
     near_stddev_db: NotNegative = Field(
         5.6, le=20, description="standard deviation up to the critical distance"
     )
     far_stddev_db: NotNegative = Field(
         8.1, le=20, description="standard deviation beyond the critical distance"
+    )
+    correlation_distance_m: Number | None = Field(
+        None,
+        ge=0.1,
+        le=1e4,
+        description="distance over which the autocorrelation falls to 1/e when one end of a link moves "
+        "(Gudmundson 1991); null: drawn anew for each message and receiver",
     )
 
 
@@ -87,6 +94,11 @@ class Radio(Section):
     inside_loss_db_per_m: NotNegative = Field(
         0.4, le=100, description="loss for each metre inside a building"
     )
+    vehicle_loss: Literal["none", "knife_edge"] = Field(
+        "none",
+        description="knife_edge: loss by the vehicles with a radio that stand between two antennas "
+        "(ITU-R P.526, Boban et al. 2011)",
+    )
     interference: Switch = Field(True, description="simultaneous messages interfere with each other")
     overhead_bytes: Whole = Field(
         82,
@@ -137,14 +149,21 @@ class CamRules(Section):
         4.0, le=1000, description="change of the position above which a CAM is sent"
     )
     speed_mps: NotNegative = Field(0.5, le=100, description="change of the speed above which a CAM is sent")
+    low_dynamics_cams: Whole = Field(
+        3,
+        ge=0,
+        le=3,
+        description="N_GenCam: CAMs in a row without a change of the vehicle's motion that repeat the last "
+        "interval, before it returns to max_interval_s; 0: it always is max_interval_s",
+    )
     low_frequency_interval_s: NotNegative = Field(
         0.5, le=60, description="shortest time between CAMs with the low-frequency container"
     )
     path_points: Whole = Field(23, ge=0, le=23, description="maximum number of points in the path history")
-    dcc: Literal["none", "reactive"] = Field(
+    dcc: Literal["none", "reactive", "adaptive"] = Field(
         "reactive",
         description="decentralised congestion control (TS 102 687), which lengthens the interval on a busy "
-        "channel",
+        "channel: by a table of states, or adaptively (LIMERIC)",
     )
 
     @model_validator(mode="after")

@@ -111,6 +111,13 @@ class Statistics:
         return json.dumps(asdict(self))
 
 
+def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
+    """Counts (BINS + 1, outcomes) of message-receiver pairs; the last row has those farther away."""
+    nth = np.minimum(distance_m / BIN_M, BINS).astype(np.int64)
+    counts = np.bincount(nth * len(Outcome) + outcome, minlength=(BINS + 1) * len(Outcome))
+    return counts.reshape(BINS + 1, len(Outcome))
+
+
 @dataclass
 class _Sender:
     """The memory of a sending station."""
@@ -145,15 +152,16 @@ class Tally:
     def add(self, step: Step) -> None:
         """Count the results of a step of the medium."""
         outcomes = step.outcomes
-        is_received = outcomes.outcome == Outcome.RECEIVED
-        by_outcome = np.bincount(outcomes.outcome.ravel(), minlength=len(Outcome))
-        pairs, received = delivery_by_distance(outcomes.distance_m.ravel(), is_received.ravel())
-        pairs[0] -= by_outcome[Outcome.OWN]  # the sender itself is not a pair
-        self._pairs += pairs
-        self._received += received
+        outcome = outcomes.outcome.ravel()
+        counts = _outcomes_by_distance(outcomes.distance_m.ravel(), outcome)
+        by_outcome = counts.sum(axis=0)
+        self._pairs += counts[:BINS].sum(axis=1)
+        self._pairs[0] -= by_outcome[Outcome.OWN]  # the sender itself is not a pair
+        self._received += counts[:BINS, Outcome.RECEIVED]
         self._outcomes += by_outcome
-        row, column = np.nonzero(is_received)
-        delays_ns = outcomes.arrival_ns[row, column] - outcomes.request_ns[row]
+        received = np.flatnonzero(outcome == Outcome.RECEIVED)
+        row = received // max(len(outcomes.receivers), 1)
+        delays_ns = outcomes.arrival_ns.ravel()[received] - outcomes.request_ns[row]
         self._delay_sum_ns += int(delays_ns.sum())
         self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
         self._dropped += len(outcomes.dropped)

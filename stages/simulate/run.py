@@ -150,7 +150,11 @@ def _drive(
     clock, world = scenario.simulation, setting.world
     vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
     routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]
-    walkers = draw_walkers(scenario, world.roads, setting.variants, routes_m, setting.roads.pavements_m)
+    walkers = (
+        draw_walkers(scenario, world.roads, setting.variants, routes_m, setting.roads.pavements_m)
+        if vehicles
+        else []  # nobody observes them
+    )
     footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
     network = open_network(scenario, traffic.step, footprints)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)

@@ -15,6 +15,10 @@ _LEAP_SECONDS_UNIX_S = (1_136_073_600, 1_230_768_000, 1_341_100_800, 1_435_708_8
 """First UTC second after each leap second since 2004 (IERS Bulletin C): 2006, 2009, 2012, 2015, 2017."""
 
 
+_LEAP_SECONDS_COUNTED_S = tuple(second + nth for nth, second in enumerate(_LEAP_SECONDS_UNIX_S, start=1))
+"""The same in a count that does not pause for them."""
+
+
 def timestamp_its_ms(unix_ns: int) -> int:
     """TimestampIts of a UTC time in nanoseconds since 1970, rounded down to the millisecond."""
     leap_s = bisect_right(_LEAP_SECONDS_UNIX_S, unix_ns // 1_000_000_000)
@@ -24,9 +28,7 @@ def timestamp_its_ms(unix_ns: int) -> int:
 def unix_ns(timestamp_its_ms: int) -> int:
     """UTC in nanoseconds since 1970; a leap second itself counts as the second after it."""
     seconds = timestamp_its_ms // 1000 + _EPOCH_UNIX_S
-    leap_s = 0
-    while leap_s < len(_LEAP_SECONDS_UNIX_S) and seconds - leap_s - 1 >= _LEAP_SECONDS_UNIX_S[leap_s]:
-        leap_s += 1
+    leap_s = bisect_right(_LEAP_SECONDS_COUNTED_S, seconds)
     return (timestamp_its_ms + (_EPOCH_UNIX_S - leap_s) * 1000) * NS_PER_MS
 
 

@@ -69,6 +69,9 @@ class ReactiveDcc:
                 return
         self._state = 1 + bisect_right(_ACTIVE_FROM, highest)
 
+    def sent(self, cam_bytes: int) -> None:
+        """The length of the station's messages does not matter here."""
+
     @property
     def state(self) -> str:
         """A key of `STATES`."""

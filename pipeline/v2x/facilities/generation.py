@@ -30,7 +30,8 @@ class GenerationRules:
     position_change_m: float = 4.0
     speed_change_mps: float = 0.5
     low_dynamics_cams: int = 3
-    """N_GenCam: after this many consecutive CAMs without dynamics, the interval returns to its maximum."""
+    """N_GenCam: after this many consecutive CAMs without dynamics, the interval returns to its maximum; 0: it
+    never leaves it."""
     low_frequency_interval_s: float = 0.5
     path_points: int = MAX_PATH_POINTS
 
@@ -43,6 +44,7 @@ class GenerationRules:
             heading_change_rad=math.radians(section.heading_deg),
             position_change_m=section.position_m,
             speed_change_mps=section.speed_mps,
+            low_dynamics_cams=section.low_dynamics_cams,
             low_frequency_interval_s=section.low_frequency_interval_s,
             path_points=section.path_points,
         )
@@ -110,7 +112,8 @@ class CamGenerator:
             return Cause(0)
         cause = self._dynamics(state)
         if cause:
-            self._interval_ns = min(elapsed_ns, self._max_ns)
+            if self._rules.low_dynamics_cams:
+                self._interval_ns = min(elapsed_ns, self._max_ns)
             self._quiet_cams = 0
         elif elapsed_ns >= self._interval_ns:
             cause = Cause.ELAPSED

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.v2x.radio.access import Access
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import Draws
@@ -14,6 +15,7 @@ from advpipe.pipeline.v2x.radio.link import Link
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad, busy_ratio
 from advpipe.pipeline.v2x.radio.ofdm import CONTENTION_SLOTS, Ofdm
 from advpipe.pipeline.v2x.radio.reception import Receiver
+from advpipe.pipeline.v2x.radio.shadow_field import ShadowField
 from advpipe.pipeline.v2x.radio.stations import ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import Radio
 
@@ -41,7 +43,7 @@ class Medium:
         self._radio = radio
         self._ofdm = Ofdm(radio)
         self._draws = draws
-        self._link = Link(radio, draws, buildings)
+        self._link = Link(radio, draws, buildings, _shadow_field(radio, seed))
         self._access = Access(self._ofdm, round(radio.queue_delay_max_s * 1e9))
         self._receiver = Receiver(radio, draws)
         self._stations = Stations(np.empty(0, np.int64), np.empty((0, 3)))
@@ -126,6 +128,13 @@ class Medium:
         needed_ns = min(needed_ns, window_ns)
         self._sent = [f for f in self._sent if not f.is_reported or f.end_ns > needed_ns]
         self._now_ns = until_ns
+
+
+def _shadow_field(radio: Radio, seed: int) -> ShadowField | None:
+    if radio.shadowing is None or radio.shadowing.correlation_distance_m is None:
+        return None
+    rng = named_generator(seed, "v2x", "shadow field")
+    return ShadowField(radio.shadowing.correlation_distance_m, rng)
 
 
 def _window_ends(first_ns: int, until_ns: int) -> range:

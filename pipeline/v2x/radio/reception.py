@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 
@@ -138,4 +139,5 @@ def _rows(rows: Sequence[Float64], count: int) -> Float64:
 
 
 def _columns(frames: Sequence[RadioFrame], *names: str) -> list[Int64]:
-    return [np.array([getattr(frame, name) for frame in frames], np.int64) for name in names]
+    rows = np.array([*map(attrgetter(*names), frames)], np.int64).reshape(len(frames), len(names))
+    return list(np.ascontiguousarray(rows.T))

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.v2x.radio.vehicle_loss import Bodies
 
 Int64 = npt.NDArray[np.int64]
 UInt64 = npt.NDArray[np.uint64]
@@ -22,11 +23,13 @@ class Stations:
     """The S radios on the road during one step.
 
     ids: (S,), unique; a radio's true number, whatever station ids its messages claim.
-    antenna_m: (S, 3), places of the antennas in the map's frame.
+    antenna_m: (S, 3), places of the antennas in the map's frame. bodies: their vehicles, where they are
+    obstacles.
     """
 
     ids: Int64
     antenna_m: Float64
+    bodies: Bodies | None = None
 
     def __post_init__(self) -> None:
         if self.antenna_m.shape != (len(self.ids), 3) or not np.isfinite(self.antenna_m).all():

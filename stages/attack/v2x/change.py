@@ -97,7 +97,7 @@ def forge(
     }
     labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
     attackers = frozenset(number for attack in built for number in attack.context.attackers)
-    congestion = Congestion(drive.v2x.cam, attackers) if dcc_reacts else None
+    congestion = Congestion(drive.v2x, attackers) if dcc_reacts else None
     return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion, debug)
 
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.pipeline.v2x.facilities.dcc import ReactiveDcc
+from advpipe.pipeline.v2x.facilities.congestion_control import CongestionControl, congestion_control
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
-from advpipe.pipeline.v2x.section import CamRules
+from advpipe.pipeline.v2x.section import V2x
 
 
 class Congestion:
-    """Holds back messages that a station's reactive congestion control would not have allowed.
+    """Holds back messages that a station's congestion control would not have allowed.
 
     A recorded drive does not contain what a station would have sent later instead: a message too soon after
     the station's last one is lost, and the next recorded one follows. Under the channel load of the
@@ -21,10 +21,11 @@ class Congestion:
     held_back: how many messages so far.
     """
 
-    def __init__(self, rules: CamRules, attackers: frozenset[int]) -> None:
+    def __init__(self, v2x: V2x, attackers: frozenset[int]) -> None:
+        self._v2x, rules = v2x, v2x.cam
         self._least_ns, self._most_ns = round(rules.min_interval_s * 1e9), round(rules.max_interval_s * 1e9)
         self._attackers = attackers
-        self._controls: dict[int, ReactiveDcc] = {}
+        self._controls: dict[int, CongestionControl] = {}
         self._last_ns: dict[int, int] = {}
         self.held_back = 0
 
@@ -32,8 +33,10 @@ class Congestion:
         """The messages that are sent in this step."""
         present = {radio.station_id for radio in step.radios}
         self._controls = {
-            number: self._controls.get(number) or ReactiveDcc() for number in sorted(present)
-        }  # a station that returns was switched on again
+            number: control
+            for number in sorted(present)  # a station that returns was switched on again
+            if (control := self._controls.get(number) or congestion_control(self._v2x)) is not None
+        }
         self._last_ns = {number: at_ns for number, at_ns in self._last_ns.items() if number in present}
         kept = [message for message in sent if message.station_id in self._attackers or self._passes(message)]
         self.held_back += len(sent) - len(kept)
@@ -47,10 +50,12 @@ class Congestion:
                     self._controls[number].update(busy_ratio)
 
     def _passes(self, sent: Sent) -> bool:
-        interval_ns = round(self._controls[sent.station_id].interval_s * 1e9)
+        control = self._controls[sent.station_id]
+        interval_ns = round(control.interval_s * 1e9)
         interval_ns = min(max(interval_ns, self._least_ns), self._most_ns)
         last_ns = self._last_ns.get(sent.station_id)
         if last_ns is not None and sent.request_ns - last_ns < interval_ns:
             return False
+        control.sent(len(sent.payload))
         self._last_ns[sent.station_id] = sent.request_ns
         return True

@@ -10,6 +10,7 @@ from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.world.protocol import NewWorld, World
+from advpipe.stages.simulate.world.unseen import UnseenWorld
 
 
 def _raycast(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
@@ -22,11 +23,13 @@ WORLDS: Mapping[str, NewWorld] = {"raycast": _raycast}
 
 
 def build_world(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
-    """Build the world that the scenario names.
+    """Build the world that the scenario names; nothing but its roads where nobody observes it.
 
     Raises UsageError for an unknown or invalid world, and for one that lacks what the sensors need.
     """
     name = scenario.world
+    if name in WORLDS and not scenario.vehicles and scenario.v2x.radio.building_loss == "none":
+        return UnseenWorld(network)
     made = find_implementation("world", name, WORLDS)(scenario, network, variants)
     if not isinstance(made, World):
         raise UsageError(

@@ -11,7 +11,7 @@ from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.v2x.codec.codes import StationType
-from advpipe.pipeline.v2x.facilities.dcc import ReactiveDcc
+from advpipe.pipeline.v2x.facilities.congestion_control import congestion_control
 from advpipe.pipeline.v2x.facilities.generation import (
     CHECK_INTERVAL_NS,
     CamGenerator,
@@ -47,7 +47,7 @@ class Station:
         )
         self.state: StationState | None = None
         self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
-        self._dcc = ReactiveDcc() if v2x.cam.dcc == "reactive" else None
+        self._dcc = congestion_control(v2x)
         self._next_check_ns = first_check_ns(now_ns, seed, station_id)
 
     @property
@@ -71,6 +71,8 @@ class Station:
             cam = self._generator.check(self._next_check_ns, self.state, interval_s)
             self._next_check_ns += CHECK_INTERVAL_NS
             if cam is not None:
+                if self._dcc is not None:
+                    self._dcc.sent(len(cam.payload))
                 yield cam
 
 

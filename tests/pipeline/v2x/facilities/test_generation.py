@@ -14,6 +14,7 @@ from advpipe.pipeline.v2x.facilities.generation import (
     CamGenerator,
     Cause,
     GeneratedCam,
+    GenerationRules,
     first_check_ns,
 )
 from advpipe.pipeline.v2x.facilities.station_state import StationState
@@ -78,6 +79,21 @@ def test_congestion_control_slows_down(car: Car) -> None:
     assert [len(sent) for sent in fast] == [30, 10, 3]
     assert list(fast[1])[:3] == [0.3, 0.6, 0.9]
     assert list(fast[2]) == [1.0, 2.0, 3.0]  # never beyond T_GenCamMax
+
+
+def test_without_a_last_interval_to_repeat_quiet_cams_come_after_the_longest(car: Car) -> None:
+    """N_GenCam = 0: the car speeds up at 2.3 s; by the standard, three CAMs then follow 0.9 s apart."""
+
+    def times(rules: GenerationRules) -> list[int]:
+        generator, sent = CamGenerator(START_NS, rules), []
+        for check in range(1, 60):
+            state = car(speed_mps=10.0 if check >= 23 else 0.0)
+            if generator.check(START_NS + check * CHECK_INTERVAL_NS, state) is not None:
+                sent.append(check)
+        return sent
+
+    assert times(GenerationRules(low_dynamics_cams=0)) == [1, 11, 21, 23, 33, 43, 53]
+    assert times(GenerationRules()) == [1, 2, 3, 4, 14, 23, 32, 41, 50]
 
 
 def test_the_low_frequency_container_is_sent_every_half_second(car: Car) -> None:

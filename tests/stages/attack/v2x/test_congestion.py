@@ -7,7 +7,7 @@ from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
-from advpipe.pipeline.v2x.section import CamRules
+from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.v2x.congestion import Congestion
 
 STEP_NS = 100_000_000
@@ -29,7 +29,7 @@ def kept(congestion: Congestion, busy_ratio: float, steps: int) -> dict[int, lis
 
 def test_a_full_channel_slows_down_benign_stations():
     """Above 0.59 for a second, a station is restrictive: 460 ms, so every fifth of its messages passes."""
-    congestion = Congestion(CamRules(), frozenset({2}))
+    congestion = Congestion(V2x(), frozenset({2}))
     found = kept(congestion, 0.7, 30)
     assert found[2] == list(range(30))  # the attacker
     assert found[1] == [*range(10), 14, 19, 24, 29]
@@ -37,5 +37,5 @@ def test_a_full_channel_slows_down_benign_stations():
 
 
 def test_a_free_channel_holds_back_no_message():
-    congestion = Congestion(CamRules(), frozenset())
+    congestion = Congestion(V2x(), frozenset())
     assert kept(congestion, 0.18, 30) == {1: list(range(30)), 2: list(range(30))}
