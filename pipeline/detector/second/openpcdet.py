@@ -14,10 +14,10 @@ from torch import Tensor
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.short_repr import shorten
-from advpipe.pipeline.detector.second.backbone3d import STRIDED
+from advpipe.pipeline.detector.common.backbone3d import STRIDED
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI
-from advpipe.pipeline.detector.second.torch_archive import check_archive
+from advpipe.pipeline.detector.common.torch_archive import check_archive
 
 LAYERS_3D = {
     "stage1.0": "conv_input",

@@ -18,7 +18,7 @@ from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.second.model import SecondNet
 from advpipe.pipeline.detector.second.openpcdet import import_openpcdet, their_names
 from advpipe.pipeline.detector.second.presets import KITTI
-from advpipe.pipeline.detector.second.voxels import voxelise
+from advpipe.pipeline.detector.common.voxels import voxelise
 
 HERE = Path(__file__).parent
 

@@ -13,7 +13,7 @@ import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
-from advpipe.pipeline.detector.second.torch_archive import MOST_BYTES, MOST_PICKLE_BYTES, check_archive
+from advpipe.pipeline.detector.common.torch_archive import MOST_BYTES, MOST_PICKLE_BYTES, check_archive
 
 IMPORT = """
 import sys
