@@ -35,11 +35,11 @@ from torch.utils.flop_counter import FlopCounterMode
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.device import open_device
 from advpipe.pipeline.detector.common.backbone3d import STRIDED
+from advpipe.pipeline.detector.common.voxels import Voxels, voxelise
+from advpipe.pipeline.detector.device import open_device
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import PRESETS, SecondPreset
-from advpipe.pipeline.detector.common.voxels import Voxels, voxelise
 from advpipe.pipeline.detector.threads import TORCH_THREADS
 from advpipe.pipeline.messages.cloud import xyzi
 from advpipe.pipeline.scenario import load_scenario

@@ -189,9 +189,7 @@ class _TileConvolution(torch.autograd.Function):
     """A 3 x 3 convolution of tiles, between the cells of an empty map; `after`: the halo of its outputs."""
 
     @staticmethod
-    def forward(
-        ctx: Any, x: Tensor, layer: nn.Conv2d, around: Tensor, halo: Halo, after: Halo
-    ) -> Tensor:
+    def forward(ctx: Any, x: Tensor, layer: nn.Conv2d, around: Tensor, halo: Halo, after: Halo) -> Tensor:
         ctx.save_for_backward(layer.weight)
         ctx.stride, ctx.after = layer.stride[0], after
         return F.conv2d(halo.framed(x, around), layer.weight, layer.bias, layer.stride)
