@@ -25,7 +25,7 @@ CONFIGURATIONS = (
     Configuration("centerpoint_without_resnet.yaml", "CenterPoint", "Waymo", "centerpoint"),
 )
 
-INPUT = "backbone_3d.conv_input.0.weight"
+INPUT, PILLAR_INPUT = "backbone_3d.conv_input.0.weight", "vfe.pfn_layers.0.linear.weight"
 WAYMO_FEATURES = 5
 """A point of Waymo has its elongation, too."""
 
@@ -72,8 +72,11 @@ def _other_network(shapes: Shapes) -> str:
             return "a CenterPoint on pillars (centerpoint_pillar_1x.yaml)"
         if _has(shapes, "backbone_3d.conv1.0.conv1."):
             return "a CenterPoint with residual layers (centerpoint.yaml)"
-    if _has(shapes, "dense_head.conv_cls.") and WAYMO_FEATURES in shapes.get(INPUT, ())[-2:]:
-        return "a SECOND for Waymo (waymo_models/second.yaml)"
+    if _has(shapes, "dense_head.conv_cls."):
+        if WAYMO_FEATURES in shapes.get(INPUT, ())[-2:]:
+            return "a SECOND for Waymo (waymo_models/second.yaml)"
+        if shapes.get(PILLAR_INPUT, ())[-1:] == (WAYMO_FEATURES + 6,):
+            return "a PointPillars for Waymo (pointpillar_1x.yaml)"
     return ""
 
 

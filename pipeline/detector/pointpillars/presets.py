@@ -33,17 +33,17 @@ class PointPillarsPreset(AnchorVoxelPreset):
 SMALL = PointPillarsPreset(
     name="small",
     range_m=SECOND_SMALL.range_m,
-    voxel_size_m=(0.2, 0.2, 5.4),
+    voxel_size_m=(0.16, 0.16, 5.4),
     expected_input=SECOND_SMALL.expected_input,
     channels=32,
-    # Only blocks of 0.8 m and coarser are read by the head, whose anchors are those of SECOND's `small`.
+    # The head reads no block finer than 0.64 m; its anchors are those of SECOND's `small`.
     bev=(BevBlock(2, 2, 32, 1, 0), BevBlock(4, 2, 64, 1, 128), BevBlock(4, 2, 128, 2, 128)),
     anchors=SECOND_SMALL.anchors,
     # All of magnitude one: training is faster so.
     input_offset=SECOND_SMALL.input_offset,
     input_scale=SECOND_SMALL.input_scale,
-    from_mean_scale=(10.0, 10.0, 1.0),
-    from_centre_scale=(10.0, 10.0, 0.4),
+    from_mean_scale=(12.5, 12.5, 1.0),
+    from_centre_scale=(12.5, 12.5, 0.4),
     vote_iou=0.5,
     suppress_by_class=True,
     quality_power=1.0,

@@ -145,5 +145,5 @@ def test_an_archive_with_overlapping_entries_is_refused(tmp_path: Path) -> None:
 def test_a_file_larger_than_any_checkpoint_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "a.pth").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    with pytest.raises(AdvpipeError, match="OpenPCDet's SECOND has at most"):
+    with pytest.raises(AdvpipeError, match="checkpoints of OpenPCDet have up to"):
         SecondFamily().import_weights(tmp_path / "a.pth")

@@ -155,8 +155,8 @@ def changed(path: Path, checkpoint: Path, change) -> Path:
             r"conv_cls.weight has shape \(20, 512, 1, 1\), not \(18, 512, 1, 1\)",
         ),
         (
-            lambda s: s.update({"backbone_3d.conv_input.0.weight": torch.zeros(16, 3, 3, 3, 5)}),
-            r"conv_input.0.weight has shape \(16, 3, 3, 3, 5\), not \(16, 3, 3, 3, 4\)",
+            lambda s: s.update({"backbone_3d.conv_input.0.weight": torch.zeros(16, 3, 3, 3, 7)}),
+            r"conv_input.0.weight has shape \(16, 3, 3, 3, 7\), not \(16, 3, 3, 3, 4\)",
         ),
         (lambda s: s["dense_head.conv_cls.bias"].fill_(float("nan")), "conv_cls.bias holds values"),
         (
