@@ -42,9 +42,7 @@ def check_archive(path: Path) -> None:
     than tensors."""
     size_bytes = path.stat().st_size
     if size_bytes > MOST_BYTES:
-        raise AdvpipeError(
-            f"{path} has {size_bytes} bytes; checkpoints of OpenPCDet have up to {MOST_BYTES}"
-        )
+        raise AdvpipeError(f"{path} has {size_bytes} bytes; checkpoints of OpenPCDet have up to {MOST_BYTES}")
     with path.open("rb") as file:
         if file.read(4) == b"PK\x03\x04":
             _check_zip(path, file, size_bytes)
