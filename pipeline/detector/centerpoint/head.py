@@ -49,10 +49,11 @@ class CentreHead(nn.Module):
             widths["iou"] = 1
         self.hidden = nn.ModuleDict({name: _layer(channels, channels) for name in widths})
         self.last = nn.ModuleDict({name: nn.Conv2d(channels, n, 3, padding=1) for name, n in widths.items()})
-        heat = cast("nn.Conv2d", self.last["hm"])
-        nn.init.constant_(cast("Tensor", heat.bias), -log((1 - PRIOR) / PRIOR))
-        # With small weights the prior dominates at first.
-        nn.init.normal_(heat.weight, std=0.01)
+        for name, last in self.last.items():
+            # With small weights the biases dominate at first: large outputs would dominate the first steps.
+            nn.init.normal_(cast("Tensor", last.weight), std=0.01)
+            bias = -log((1 - PRIOR) / PRIOR) if name == "hm" else 0.0
+            nn.init.constant_(cast("Tensor", last.bias), bias)
 
     def forward(self, features: Tensor, convolve: Convolve = padded) -> CentrePredictions:
         """Predictions for features (B, C, H, W), the last layer in full precision; `convolve` as in

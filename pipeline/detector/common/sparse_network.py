@@ -41,11 +41,13 @@ class SparseNetwork(VoxelNetwork[Voxels, P]):
     def voxels(self, clouds: Sequence[Tensor], probes: Sequence[int] = ()) -> Voxels:
         return voxelise(clouds, self.preset, probes=probes)
 
-    def bird_eye(self, voxels: Voxels, occupancy: Tensor | None) -> Tensor:
+    def inputs(self, voxels: Voxels) -> Tensor:
+        """The features (V, C) that the sparse backbone reads."""
         features = (voxels.features - self.input_offset) * self.input_scale
-        if self.preset.extra_features:
-            features = F.pad(features, (0, self.preset.extra_features))
-        bev: Tensor = self.backbone3d(features, voxels.sites, occupancy)
+        return F.pad(features, (0, self.preset.extra_features))
+
+    def bird_eye(self, voxels: Voxels, occupancy: Tensor | None) -> Tensor:
+        bev: Tensor = self.backbone3d(self.inputs(voxels), voxels.sites, occupancy)
         return bev
 
     def occupied_cells(self, voxels: Voxels) -> Tensor:
