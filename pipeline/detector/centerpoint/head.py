@@ -40,6 +40,8 @@ def _layer(c_in: int, channels: int) -> nn.Sequential:
 class CentreHead(nn.Module):
     """A shared 3 x 3 layer, and for each type of prediction a branch of two more."""
 
+    reach = 3
+
     def __init__(self, preset: CenterPointPreset, c_in: int) -> None:
         super().__init__()
         channels = preset.head_channels

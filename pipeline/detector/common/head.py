@@ -34,6 +34,8 @@ class Predictions:
 class Head(nn.Module):
     """A 1 x 1 convolution for each type of prediction."""
 
+    reach = 0
+
     def __init__(self, preset: AnchorPreset, c_in: int) -> None:
         super().__init__()
         self.anchors = len(preset.anchors) * len(preset.yaws_rad)

@@ -21,7 +21,7 @@ TILE_CELLS = 4
 """The side of a tile, in cells of the predictions, or more where the coarsest block needs more."""
 
 MARGIN_CELLS = 4
-"""Cells of the predictions this near to an occupied one are computed. SECOND's gradients then correlate by
+"""Cells of the features this near to an occupied one are computed. SECOND's gradients then correlate by
 .9995 or more with those of the whole map, and scores of detections differ by .0001; with two cells by .98,
 and by up to .1."""
 
@@ -33,10 +33,15 @@ P = TypeVar("P")
 """Predictions of a head: a dataclass of tensors (B, N, ...) in (H, W, A) order, or None."""
 
 
-class MapHead(Protocol[P]):
-    """What predicts from the backbone's features."""
+P_co = TypeVar("P_co", covariant=True)
 
-    def __call__(self, features: Tensor, convolve: Convolve = ...) -> P:
+
+class MapHead(Protocol[P_co]):
+    """What predicts from the backbone's features. reach: how many cells away a prediction reads them."""
+
+    reach: int
+
+    def __call__(self, features: Tensor, convolve: Convolve = ...) -> P_co:
         """Predictions for features (B, C, H, W); `convolve` as in `Backbone2d.forward`."""
 
     def state_dict(self) -> dict[str, Tensor]:
@@ -54,7 +59,8 @@ class OccupiedMap(Generic[P]):
     def __call__(self, bev: Tensor, occupied: Tensor) -> P:
         """Predictions for maps (B, C, H, W), zero except in the `occupied` cells (B, H, W)."""
         scale = self._backbone.stride
-        side, margin = max(TILE_CELLS * scale, self._backbone.coarsest), MARGIN_CELLS * scale
+        side = max(TILE_CELLS * scale, self._backbone.coarsest)
+        margin = (MARGIN_CELLS + self._head.reach) * scale
         is_tiled = not (bev.shape[2] % side or bev.shape[3] % side)
         active = _tiles_near(occupied, side, margin) if is_tiled else occupied
         # Of each map by itself, so that results do not depend on the others in a batch.

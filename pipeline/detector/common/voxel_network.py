@@ -9,12 +9,12 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from advpipe.pipeline.detector.common.backbone2d import Backbone2d
 from advpipe.pipeline.detector.common.network import DetectionNetwork, LabelledPoints
 from advpipe.pipeline.detector.common.preset import VoxelPreset
-from advpipe.pipeline.detector.common.tiles import OccupiedMap
+from advpipe.pipeline.detector.common.tiles import MapHead, OccupiedMap
 from advpipe.pipeline.detector.common.voxels import OccupiedVoxels
 from advpipe.pipeline.detector.protocol import Detections
 
@@ -32,14 +32,11 @@ P = TypeVar("P", bound=HeadOutput)
 
 
 class VoxelNetwork(DetectionNetwork, Generic[V, P]):
-    """Each family adds how voxels become a map, and what the head's predictions mean.
-
-    head: takes features (B, C, H, W), and how to convolve them, see `tiles.MapHead`.
-    """
+    """Each family adds how voxels become a map, and what the head's predictions mean."""
 
     preset: VoxelPreset
     backbone2d: Backbone2d
-    head: nn.Module
+    head: MapHead[P]
 
     @abstractmethod
     def voxels(self, clouds: Sequence[Tensor], probes: Sequence[int] = ()) -> V:
@@ -66,8 +63,7 @@ class VoxelNetwork(DetectionNetwork, Generic[V, P]):
         """Predictions for the voxels of a batch of clouds; `occupancy` as in `bird_eye`."""
         bev = self.bird_eye(voxels, occupancy)
         with torch.autocast(bev.device.type, torch.bfloat16, enabled=bf16):
-            predictions: P = self.head(self.backbone2d(bev))
-        return predictions
+            return self.head(self.backbone2d(bev))
 
     def near_voxels(self, voxels: V, occupancy: Tensor) -> P:
         """As `forward`, with frozen weights; an empty map's predictions far from all voxels, see `tiles`."""

@@ -59,5 +59,5 @@ class PillarEncoder(nn.Module):
     def _of_zeros(self) -> Tensor:
         """What the batch norm makes of a row of zeros (1, channels), by its running averages."""
         norm = self.norm
-        deviation = torch.sqrt(norm.running_var + norm.eps)  # type: ignore[operator]
-        return (norm.bias - norm.running_mean / deviation * norm.weight)[None]
+        mean, variance = norm.get_buffer("running_mean"), norm.get_buffer("running_var")
+        return (norm.bias - mean / torch.sqrt(variance + norm.eps) * norm.weight)[None]

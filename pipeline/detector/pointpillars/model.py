@@ -38,7 +38,7 @@ class PointPillarsNet(AnchorNetwork[VoxelPoints]):
 
     def bird_eye(self, voxels: VoxelPoints, occupancy: Tensor | None) -> Tensor:
         """A pillar's vector is not negative, so times an occupancy of 0 it is a cell without a pillar."""
-        pillars = self.encoder(voxels)
+        pillars: Tensor = self.encoder(voxels)
         if occupancy is not None:
             pillars = pillars * occupancy[:, None]
         maps, height, width = self._map_shape(voxels)

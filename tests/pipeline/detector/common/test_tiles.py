@@ -82,13 +82,13 @@ def all_of(predictions) -> torch.Tensor:
 
 
 @pytest.mark.parametrize(
-    ("preset", "blocks", "margin"),
-    [(SMALL, BLOCKS, 2), (KITTI, BLOCKS, 2), (CENTRES, BLOCKS, 2), (SMALL, FINE_BLOCKS, 1)],
+    ("preset", "blocks", "margin", "side"),
+    [(SMALL, BLOCKS, 2, 4), (KITTI, BLOCKS, 2, 4), (CENTRES, BLOCKS, -1, 4), (SMALL, FINE_BLOCKS, 1, 2)],
     ids=["qualities", "anchors", "centres", "finer map"],
 )
-def test_tiles_lie_in_an_empty_map(preset, blocks, margin, monkeypatch):
+def test_tiles_lie_in_an_empty_map(preset, blocks, margin, side, monkeypatch):
     monkeypatch.setattr(tiles, "MARGIN_CELLS", margin)
-    monkeypatch.setattr(tiles, "TILE_CELLS", 2 * margin)
+    monkeypatch.setattr(tiles, "TILE_CELLS", side)  # the head of centres reaches three cells farther
     (backbone, head), (bev, occupied) = layers_of(preset, blocks), maps_of()
     rows, columns = (torch.arange(n) // 4 for n in SIZE)
     active = torch.zeros_like(occupied)
