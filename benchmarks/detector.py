@@ -1,4 +1,4 @@
-"""Seconds a frame of SECOND, by preset, against the floor: its FLOPs at the rate of bare matrix products.
+"""Seconds a frame of the detectors against the floor: their FLOPs at the rate of bare matrix products.
 
 The floor of a step, forward and backward to the points, is 2 x the FLOPs of a forward pass over the best
 rate that torch.mm of large square matrices reached in the same run. Dense convolutions may run faster than
@@ -6,7 +6,7 @@ torch.mm (on AMD's processors, twice as fast), so their best rate stands beside 
 count. Everything is timed in turns, so that whatever else the machine does weighs on all. On the CPU one
 thread computes, as in advpipe; random weights take as long as trained ones.
 
-    python benchmarks/detector.py [BAG] [--rounds 9] [--frames 4] [--presets small 360 kitti]
+    python benchmarks/detector.py [BAG] [--rounds 9] [--frames 4] [--presets second/small pointpillars/kitti]
     python benchmarks/detector.py [BAG] --device cuda [--batches 1 2 4 8 16]
 
 BAG is a recorded drive; by default two seconds of the boulevard are simulated. `spconv` is timed too where
@@ -24,7 +24,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import torch
 from common import machine
@@ -35,31 +37,47 @@ from torch.utils.flop_counter import FlopCounterMode
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common.backbone3d import STRIDED
+from advpipe.pipeline.detector.common.sparse_network import SparseNetwork
+from advpipe.pipeline.detector.common.voxel_detector import VoxelNetworkDetector
+from advpipe.pipeline.detector.common.voxel_network import VoxelNetwork
+from advpipe.pipeline.detector.common.voxels import Voxels
 from advpipe.pipeline.detector.device import open_device
-from advpipe.pipeline.detector.second.backbone3d import STRIDED
-from advpipe.pipeline.detector.second.model import Second, SecondNet
-from advpipe.pipeline.detector.second.presets import PRESETS, SecondPreset
-from advpipe.pipeline.detector.second.voxels import Voxels, voxelise
+from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.detector.threads import TORCH_THREADS
 from advpipe.pipeline.messages.cloud import xyzi
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.run import simulate
 
-REACH = {"small": 2.0, "360": 1.3, "kitti": 1.3}
+REACH = {
+    "second/small": 2.0,
+    "second/360": 1.3,
+    "second/kitti": 1.3,
+    "pointpillars/small": 2.0,
+    "pointpillars/kitti": 1.3,
+    "centerpoint/small": 2.0,
+    "centerpoint/waymo": 1.3,
+}
+"""How many times the floor a step may take, by family and preset."""
+
+Net = VoxelNetwork[Any, Any]
 
 
-def network(preset: SecondPreset) -> SecondNet:
+def network(name: str) -> Net:
     torch.manual_seed(0)
-    return SecondNet(preset).eval().requires_grad_(False)
+    family, preset = name.split("/")
+    net: Any = family_named(family).network(preset).eval().requires_grad_(False)
+    return net  # type: ignore[no-any-return]
 
 
-def forward(net: SecondNet, *clouds: Tensor) -> Tensor:
+def forward(net: Net, *clouds: Tensor) -> Tensor:
     """Clouds to raw predictions, rules included."""
-    out = net(voxelise(clouds, net.preset))
-    return out.scores.sum() + out.codes.sum() + out.directions.sum()
+    out = net(net.voxels(clouds))
+    parts = [getattr(out, field.name) for field in fields(out)]
+    return torch.stack([part.sum() for part in parts if part is not None]).sum()
 
 
-def step(net: SecondNet, *clouds: Tensor) -> tuple[Tensor, ...]:
+def step(net: Net, *clouds: Tensor) -> tuple[Tensor, ...]:
     """The gradient to the points: what one step of an attack takes."""
     leaves = [points.clone().requires_grad_() for points in clouds]
     return torch.autograd.grad(forward(net, *leaves), leaves)
@@ -71,7 +89,7 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def flops(net: SecondNet, points: Tensor) -> float:
+def flops(net: Net, points: Tensor) -> float:
     """Of the matrix products and convolutions of a forward pass, as PyTorch counts them."""
     with FlopCounterMode(display=False) as counter, torch.no_grad():
         forward(net, points)
@@ -89,8 +107,11 @@ def convolution() -> tuple[float, Callable[[], object]]:
     return 2.0 * 64 * 64 * 256 * 256 * 9, lambda: F.conv2d(x, weight, padding=1)
 
 
-def spconv_backbone(net: SecondNet) -> Callable[[Voxels], Tensor] | None:
-    """The sparse backbone of the network out of spconv's modules; None where spconv is not installed."""
+def spconv_backbone(net: Net) -> Callable[[Voxels], Tensor] | None:
+    """The sparse backbone of the network out of spconv's modules; None where spconv is not installed, or the
+    network has none."""
+    if not isinstance(net, SparseNetwork):
+        return None
     try:
         import spconv.pytorch as spconv
         from spconv.core import ConvAlgo
@@ -127,7 +148,7 @@ def spconv_backbone(net: SecondNet) -> Callable[[Voxels], Tensor] | None:
     def run(voxels: Voxels) -> Tensor:
         sites = voxels.sites
         indices = torch.stack(sites.bzyx(), 1).int().contiguous()
-        features = (voxels.features - net.input_offset) * net.input_scale
+        features = net.inputs(voxels)
         dense: Tensor = chain(spconv.SparseConvTensor(features, indices, list(sites.shape), 1)).dense()
         return dense.transpose(1, 2).flatten(1, 2)
 
@@ -154,13 +175,13 @@ def clouds(bag: Path, count: int) -> list[Tensor]:
 
 def report(name: str, points: list[Tensor], rounds: int, bag: Path) -> bool:
     """The lines of one preset; whether the step is within its reach of the floor."""
-    net = network(PRESETS[name])
+    net = network(name)
     gemms, (conv_flops, conv) = [gemm(1024), gemm(1536)], convolution()
     work = statistics.mean(flops(net, cloud) for cloud in points)
     peer = spconv_backbone(net)
     if peer is not None:
-        voxels = voxelise(points[:1], net.preset)
-        theirs, ours = peer(voxels), sparse(net, voxels)
+        voxels = net.voxels(points[:1])
+        theirs, ours = peer(voxels), net.bird_eye(voxels, None)
         if not torch.allclose(theirs, ours, rtol=1e-3, atol=1e-3):
             raise SystemExit(f"spconv computes something else: {float((theirs - ours).abs().max())}")
     times: dict[str, list[float]] = {}
@@ -177,10 +198,10 @@ def report(name: str, points: list[Tensor], rounds: int, bag: Path) -> bool:
         conv_rate = max(conv_rate, conv_flops / seconds(conv))
         with torch.no_grad():
             note("forward", seconds(lambda: forward(net, cloud)), number)  # noqa: B023
-            voxels = voxelise([cloud], net.preset)
-            note("sparse part", seconds(lambda: sparse(net, voxels)), number)  # noqa: B023
+            voxels = net.voxels([cloud])
+            note("voxels to map", seconds(lambda: net.bird_eye(voxels, None)), number)  # noqa: B023
             if peer is not None:
-                note("sparse part by spconv", seconds(lambda: peer(voxels)), number)  # noqa: B023
+                note("the same by spconv", seconds(lambda: peer(voxels)), number)  # noqa: B023
         note("forward and backward", seconds(lambda: step(net, cloud)), number)  # noqa: B023
     floor_s = 2 * work / rate
     best_s = min(times["forward and backward"])
@@ -208,7 +229,7 @@ def report_batches(
     name: str, points: Sequence[Tensor], rounds: int, device: torch.device, batches: Sequence[int]
 ) -> None:
     """The lines of one preset on a GPU, where each work ends when its results have come back."""
-    detector = Second(network(PRESETS[name]).to(device))
+    detector = VoxelNetworkDetector(network(name).to(device))
     print(f"\n{name}: {sum(p.numel() for p in detector.net.parameters()):,} parameters")
     for size in batches:
         batch = [points[place % len(points)].to(device) for place in range(size)]
@@ -226,12 +247,6 @@ def report_batches(
                 f"  {what:<20} of {size:>2}: best {min(times):7.4f} s, median {median:7.4f} s, "
                 f"{size / median:7.1f} frames/s, peak memory {peak:7,.0f} MB"
             )
-
-
-def sparse(net: SecondNet, voxels: Voxels) -> Tensor:
-    features = (voxels.features - net.input_offset) * net.input_scale
-    out: Tensor = net.backbone3d(features, voxels.sites)
-    return out
 
 
 def memory_mb(line: str) -> float:
@@ -259,7 +274,7 @@ def main() -> None:
     torch.set_num_threads(TORCH_THREADS)
     if given.memory:
         preset, work = given.memory
-        net, points = network(PRESETS[preset]), clouds(resolve_bag(given.bag), 1)[0]
+        net, points = network(preset), clouds(resolve_bag(given.bag), 1)[0]
         before = memory_mb("VmRSS")
         if work == "step":
             step(net, points)

@@ -2,11 +2,12 @@
 # Makes the drives that the `small` checkpoint learns from, and trains it from nothing in two rounds. On two
 # quiet cores some 9 minutes of simulation and two and a half hours of training; 25 GB below build/small.
 # Stopped, it goes on where it was. Nothing learns from the drive `valid`, which is scored on the way, nor from
-# Town06, on which the checkpoint is judged.
+# Town06, on which the checkpoint is judged. `family=pointpillars` or `family=centerpoint` trains that one instead.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=.venv/bin
 work=build/small
+family=${family:-second}
 mkdir -p "$work"
 
 drives=()
@@ -104,8 +105,22 @@ generated valid 901 random 5 190 2 "$vehicles=220" "$people=250" "$parked=20" si
 
 train() { # name, seed, steps, further options and drives
     [ -f "$work/$1/detector.safetensors" ] || "$bin/advpipe" train --out "$work/$1" --seed "$2" --steps "$3" \
-        --bf16 --validate "$work/valid" "${@:4}"
+        --family "$family" --bf16 --validate "$work/valid" "${@:4}"
 }
-train run1 0 7500 "${first_round[@]}"
-train run2 1 4000 --start "$work/run1/detector.safetensors" --learning-rate 0.002 "${second_round[@]}"
-echo "checkpoint: $work/run2/detector.safetensors"
+case $family in
+second)
+    train run1 0 7500 "${first_round[@]}"
+    train run2 1 4000 --start "$work/run1/detector.safetensors" --learning-rate 0.002 "${second_round[@]}"
+    echo "checkpoint: $work/run2/detector.safetensors"
+    ;;
+pointpillars) # two hours
+    train pointpillars 0 9000 "${second_round[@]}"
+    ;;
+centerpoint) # two hours
+    train centerpoint 0 7000 "${second_round[@]}"
+    ;;
+*)
+    echo "no family $family; known: second, pointpillars, centerpoint" >&2
+    exit 2
+    ;;
+esac

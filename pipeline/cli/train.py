@@ -63,14 +63,18 @@ def train_command(
 
 @with_progress("importing {file}")
 def import_weights(
-    file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet's SECOND for KITTI.")],
+    file: Annotated[Path, typer.Argument(help="Checkpoint (.pth) of OpenPCDet.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The .safetensors file to write.")],
     family: Annotated[
         str, cli_option(TrainOptions, "family", autocompletion=family_names)
     ] = TrainOptions.family,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Turn a SECOND that OpenPCDet trained into a detector for --detector; runs no code from the file."""
+    """Turn a network that OpenPCDet trained into a detector for --detector; runs no code from the file.
+
+    Family second takes second.yaml and pointpillars takes pointpillar.yaml, both of KITTI; centerpoint takes
+    centerpoint_without_resnet.yaml of Waymo.
+    """
     from advpipe.pipeline.core.errors import OutputExistsError, UsageError
     from advpipe.pipeline.detector.checkpoint import save_checkpoint
     from advpipe.pipeline.detector.families import family_named

@@ -8,10 +8,16 @@ from pathlib import Path
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
+from advpipe.pipeline.detector.centerpoint.family import CenterPointFamily
 from advpipe.pipeline.detector.family import Family
+from advpipe.pipeline.detector.pointpillars.family import PointPillarsFamily
 from advpipe.pipeline.detector.second.family import SecondFamily
 
-FAMILIES: Mapping[str, Family] = {"second": SecondFamily()}
+FAMILIES: Mapping[str, Family] = {
+    "second": SecondFamily(),
+    "pointpillars": PointPillarsFamily(),
+    "centerpoint": CenterPointFamily(),
+}
 
 
 def family_named(name: str) -> Family:

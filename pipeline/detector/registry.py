@@ -14,7 +14,7 @@ from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.detector.device import CPU, open_device
-from advpipe.pipeline.detector.families import shipped_checkpoints
+from advpipe.pipeline.detector.families import FAMILIES, shipped_checkpoints
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES
 
@@ -41,9 +41,21 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
         return load_checkpoint(Path(name_or_path), place).detector()
     if ":" in name_or_path:
         return _load_class(name_or_path, place)
+    if name_or_path in FAMILIES:
+        raise UsageError(_about_family(name_or_path))
     raise UsageError(
         f"unknown detector {short_repr(name_or_path)}; {known_names(name_or_path, shipped)} "
         "(or a path to FILE.safetensors, or module:Class)"
+    )
+
+
+def _about_family(name: str) -> str:
+    """What to give instead of a family's name."""
+    if shipped := FAMILIES[name].shipped:
+        return f"{name} is a family of detectors; give one of its checkpoints: {', '.join(shipped)}"
+    return (
+        f"no checkpoint of the detector family {name} is shipped; train one with `advpipe train DRIVE... "
+        f"--family {name} --out FOLDER`, and give FOLDER/detector.safetensors"
     )
 
 

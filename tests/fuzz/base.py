@@ -77,9 +77,9 @@ def _weights(weights: Path) -> None:
     """A checkpoint of ours, and one of OpenPCDet's, in which every tensor repeats one stored number."""
     import torch
 
+    from advpipe.pipeline.detector.common.openpcdet import their_names
     from advpipe.pipeline.detector.second.family import SHIPPED
     from advpipe.pipeline.detector.second.model import SecondNet
-    from advpipe.pipeline.detector.second.openpcdet import their_names
     from advpipe.pipeline.detector.second.presets import KITTI
 
     weights.mkdir()

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode_boxes
 from advpipe.pipeline.detector.common.head import Predictions
+from advpipe.pipeline.detector.common.preset import SuppressionPreset
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.iou import iou_bev
 from advpipe.pipeline.geometry.transforms import wrap_angle
@@ -41,10 +42,17 @@ def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) ->
     chosen = anchors[order]
     boxes = decode_boxes(predictions.codes[batch][chosen], grid.boxes(chosen))
     boxes = _with_direction(boxes, predictions.directions[batch][chosen], preset.direction_offset_rad)
+    return suppressed_detections(boxes, scores[order], labels[order], preset)
+
+
+def suppressed_detections(
+    boxes: Tensor, scores: Tensor, labels: Tensor, preset: SuppressionPreset
+) -> Detections:
+    """The candidates (K, 7) that survive non-maximum suppression, given best first, as the preset says."""
     geometry = boxes.cpu().numpy().astype(np.float64)
     geometry[:, 6] = wrap_angle(geometry[:, 6])
-    confidence = scores[order].cpu().numpy().astype(np.float64)
-    names = labels[order].cpu().numpy()
+    confidence = scores.cpu().numpy().astype(np.float64)
+    names = labels.cpu().numpy()
     rivals = names if preset.suppress_by_class else np.zeros_like(names)
     kept = suppress(geometry, rivals, preset.nms_iou, preset.max_detections)
     if preset.vote_iou is None:

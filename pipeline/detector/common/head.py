@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from advpipe.pipeline.detector.common.backbone2d import Convolve, padded
 from advpipe.pipeline.detector.common.preset import AnchorPreset
 
 PRIOR = 0.01
@@ -33,6 +34,8 @@ class Predictions:
 class Head(nn.Module):
     """A 1 x 1 convolution for each type of prediction."""
 
+    reach = 0
+
     def __init__(self, preset: AnchorPreset, c_in: int) -> None:
         super().__init__()
         self.anchors = len(preset.anchors) * len(preset.yaws_rad)
@@ -48,10 +51,13 @@ class Head(nn.Module):
         nn.init.normal_(first, std=0.01)
         nn.init.normal_(second, std=0.001)
 
-    def forward(self, features: Tensor) -> Predictions:
+    def forward(self, features: Tensor, convolve: Convolve = padded) -> Predictions:
+        """Predictions for features (B, C, H, W), in full precision; no cell reads another one, so that
+        `convolve` is not needed."""
         # As a matrix product: on one CPU thread PyTorch's own 1 x 1 convolution is many times slower.
         weight, bias = self.convolution.weight.flatten(1), self.convolution.bias
-        out = F.linear(features.permute(0, 2, 3, 1), weight, bias)
+        with torch.autocast(features.device.type, enabled=False):
+            out = F.linear(features.to(weight.dtype).permute(0, 2, 3, 1), weight, bias)
         batch, height, width, _ = out.shape
         anchors = height * width * self.anchors
         scores, codes, directions, *quality = (

@@ -47,9 +47,9 @@ def losses(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGri
     return _weighted(torch.stack(parts).mean(0))
 
 
-def losses_by_cloud(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGrid) -> list[Losses]:
-    """The losses of each cloud of a batch."""
-    return [_weighted(_of_cloud(predictions, b, target, grid)) for b, target in enumerate(targets)]
+def cloud_losses(predictions: Predictions, b: int, target: Targets, grid: AnchorGrid) -> Losses:
+    """The losses of cloud `b` of a batch."""
+    return _weighted(_of_cloud(predictions, b, target, grid))
 
 
 def _weighted(parts: Tensor) -> Losses:

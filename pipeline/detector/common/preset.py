@@ -1,4 +1,4 @@
-"""The settings of a preset in all detector families, and in those with an anchor head."""
+"""The settings of a preset in all detector families, and in those on voxels or with an anchor head."""
 
 from __future__ import annotations
 
@@ -29,6 +29,78 @@ class Preset:
 
 
 @dataclass(frozen=True)
+class BevBlock:
+    """One block of the bird's-eye backbone: its first layer strides, and `layers` more keep the map's size;
+    its output is upsampled by `up_stride` to `up_channels`; with 0 of them only the next block reads it."""
+
+    layers: int
+    stride: int
+    channels: int
+    up_stride: int
+    up_channels: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class VoxelPreset(Preset):
+    """The voxels of a network, and its bird's-eye backbone.
+
+    bev: the blocks of the backbone. layers_above: empty layers of voxels above the range. points_per_voxel:
+    only the first points of a voxel are used; None: all. max_voxels, max_voxels_training: only the first
+    voxels of a cloud are used.
+    """
+
+    bev: tuple[BevBlock, ...]
+    layers_above: int = 0
+    points_per_voxel: int | None = None
+    max_voxels: int | None = None
+    max_voxels_training: int | None = None
+
+    @property
+    def grid_zyx(self) -> tuple[int, int, int]:
+        """Voxels along z, y and x, empty layers above the range included."""
+        r, (dx, dy, dz) = self.range_m, self.voxel_size_m
+        return (
+            round((r.z_max_m - r.z_min_m) / dz) + self.layers_above,
+            round((r.y_max_m - r.y_min_m) / dy),
+            round((r.x_max_m - r.x_min_m) / dx),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SparsePreset(VoxelPreset):
+    """A network on the sparse 3D backbone.
+
+    channels_3d: after the input layer, stages 1 to 4, and the z-compressing layer. input_offset, input_scale:
+    the mean VFE's x, y, z, intensity enter the network as (value - offset) * scale. extra_features: further
+    features of a point that the network reads and our clouds lack: zeros.
+    """
+
+    channels_3d: tuple[int, int, int, int, int, int]
+    input_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    input_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    extra_features: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuppressionPreset(Preset):
+    """How candidate boxes become detections.
+
+    At most `max_candidates` enter non-maximum suppression at `nms_iou`, at most `max_detections` come out.
+    vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet. suppress_by_class: boxes of
+    different classes may overlap; where two classes are likely, both are returned.
+    quality_power: the head also predicts each box's IoU with the truth, and a detection scores
+    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: no such output.
+    """
+
+    nms_iou: float = 0.1
+    max_candidates: int = 1000
+    max_detections: int = 100
+    vote_iou: float | None = None
+    suppress_by_class: bool = False
+    quality_power: float | None = None
+
+
+@dataclass(frozen=True)
 class Anchor:
     """One anchor size, which the head uses at every cell of the bird's-eye map and at all yaws.
 
@@ -46,39 +118,19 @@ class Anchor:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnchorPreset(Preset):
-    """The anchors of a network, and how its predictions become boxes.
+class AnchorPreset(SuppressionPreset):
+    """The anchors of a network.
 
     direction_offset_rad: where the first of the two direction bins begins. anchors_to_edges: the outermost
     anchors lie on the faces of the range, not half a cell inside.
-
-    Decoding: at most `max_candidates` anchors enter non-maximum suppression at `nms_iou`, at most
-    `max_detections` come out. vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet.
-    suppress_by_class: boxes of different classes may overlap; where two classes are likely, both are
-    returned.
-    quality_power: the head also predicts each box's IoU with the truth, and a detection scores
-    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: no such output.
     """
 
     anchors: tuple[Anchor, ...]
     yaws_rad: tuple[float, ...] = (0.0, 1.5707963267948966)
     direction_offset_rad: float = 0.7853981633974483
     anchors_to_edges: bool = False
-    nms_iou: float = 0.1
-    max_candidates: int = 1000
-    max_detections: int = 100
-    vote_iou: float | None = None
-    suppress_by_class: bool = False
-    quality_power: float | None = None
 
 
-@dataclass(frozen=True)
-class BevBlock:
-    """One block of the bird's-eye backbone: its first layer strides, and `layers` more keep the map's size;
-    its output is upsampled by `up_stride` to `up_channels`."""
-
-    layers: int
-    stride: int
-    channels: int
-    up_stride: int
-    up_channels: int
+@dataclass(frozen=True, kw_only=True)
+class AnchorVoxelPreset(AnchorPreset, VoxelPreset):
+    """An anchor head on voxels."""

@@ -8,54 +8,75 @@ points act on cells more than `MARGIN_CELLS` away.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, Generic, Protocol, TypeVar
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from advpipe.pipeline.detector.common.backbone2d import Backbone2d
-from advpipe.pipeline.detector.common.head import Head, Predictions
+from advpipe.pipeline.detector.common.backbone2d import Backbone2d, Convolve
 
 TILE_CELLS = 4
-"""The side of a tile; a multiple of the backbone's total stride."""
+"""The side of a tile, in cells of the predictions, or more where the coarsest block needs more."""
 
 MARGIN_CELLS = 4
-"""Cells this near to an occupied one are computed. Gradients then correlate by .9995 or more with those of
-the whole map, and scores of detections differ by .0001; with two cells by .98, and by up to .1."""
+"""Cells of the features this near to an occupied one are computed. SECOND's gradients then correlate by
+.9995 or more with those of the whole map, and scores of detections differ by .0001; with two cells by .98,
+and by up to .1."""
 
 MOST_TILES = 0.7
 """Where more of a map would be computed, all of it is: tiles take longer for their edges."""
 
 
-class OccupiedMap:
+P = TypeVar("P")
+"""Predictions of a head: a dataclass of tensors (B, N, ...) in (H, W, A) order, or None."""
+
+
+P_co = TypeVar("P_co", covariant=True)
+
+
+class MapHead(Protocol[P_co]):
+    """What predicts from the backbone's features. reach: how many cells away a prediction reads them."""
+
+    reach: int
+
+    def __call__(self, features: Tensor, convolve: Convolve = ...) -> P_co:
+        """Predictions for features (B, C, H, W); `convolve` as in `Backbone2d.forward`."""
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Its weights, as a module has them."""
+
+
+class OccupiedMap(Generic[P]):
     """The backbone and the head, with frozen weights, on maps that are mostly empty."""
 
-    def __init__(self, backbone: Backbone2d, head: Head) -> None:
+    def __init__(self, backbone: Backbone2d, head: MapHead[P]) -> None:
         self._backbone, self._head = backbone, head
-        self._empty: EmptyMap | None = None
+        self._empty: EmptyMap[P] | None = None
         self._empty_of: object = None
 
-    def __call__(self, bev: Tensor, occupied: Tensor) -> Predictions:
+    def __call__(self, bev: Tensor, occupied: Tensor) -> P:
         """Predictions for maps (B, C, H, W), zero except in the `occupied` cells (B, H, W)."""
-        is_tiled = not (bev.shape[2] % TILE_CELLS or bev.shape[3] % TILE_CELLS)
-        active = _tiles_near(occupied) if is_tiled else occupied
+        scale = self._backbone.stride
+        side = max(TILE_CELLS * scale, self._backbone.coarsest)
+        margin = (MARGIN_CELLS + self._head.reach) * scale
+        is_tiled = not (bev.shape[2] % side or bev.shape[3] % side)
+        active = _tiles_near(occupied, side, margin) if is_tiled else occupied
         # Of each map by itself, so that results do not depend on the others in a batch.
         active = active | (active.float().mean((1, 2), keepdim=True) > MOST_TILES)
         if not is_tiled or active.all() or not active.any():
-            whole: Predictions = self._head(self._backbone(bev))
-            return whole
-        empty, tiles = self._empty_map(bev), Tiles(active)
+            return self._head(self._backbone(bev))
+        empty, tiles = self._empty_map(bev), Tiles(active, side, side // scale)
 
         def convolve(layer: nn.Conv2d, x: Tensor) -> Tensor:
             halo, after = tiles.halo(x.shape[2]), tiles.halo(x.shape[2] // layer.stride[0])
             return _tile_convolution(x, layer, empty.inputs[layer], halo, after)
 
         features = self._backbone(tiles.of(bev), convolve)
-        return tiles.placed(self._head(features), empty.predictions)
+        return tiles.placed(self._head(features, convolve), empty.predictions)
 
-    def _empty_map(self, bev: Tensor) -> EmptyMap:
+    def _empty_map(self, bev: Tensor) -> EmptyMap[P]:
         """Computed again where the weights, the map's size or the device are others than before."""
         weights = [*self._backbone.state_dict().values(), *self._head.state_dict().values()]
         now = bev.shape[1:], bev.device, bev.dtype, tuple(weight._version for weight in weights)
@@ -64,14 +85,14 @@ class OccupiedMap:
         return self._empty
 
 
-class EmptyMap:
+class EmptyMap(Generic[P]):
     """What the layers compute on a map of zeros.
 
     inputs: of each convolution, (H W + 1, C), of which the last row, zero, stands for cells beyond the map.
     predictions: of the head.
     """
 
-    def __init__(self, backbone: Backbone2d, head: Head, like: Tensor) -> None:
+    def __init__(self, backbone: Backbone2d, head: MapHead[P], like: Tensor) -> None:
         self.inputs: dict[nn.Conv2d, Tensor] = {}
 
         def recorded(layer: nn.Conv2d, x: Tensor) -> Tensor:
@@ -80,7 +101,8 @@ class EmptyMap:
             return output
 
         with torch.no_grad():
-            self.predictions: Predictions = head(backbone(torch.zeros_like(like[:1].detach()), recorded))
+            features = backbone(torch.zeros_like(like[:1].detach()), recorded)
+            self.predictions: P = head(features, recorded)
 
 
 @dataclass(frozen=True)
@@ -107,17 +129,23 @@ class Halo:
 
 
 class Tiles:
-    """The tiles of a batch of maps that are computed: those that `active` (B, rows, columns) names."""
+    """The tiles of a batch of maps that are computed: those that `active` (B, rows, columns) names.
 
-    def __init__(self, active: Tensor) -> None:
+    side: of a tile in cells of the maps; predicted: in cells of the predictions.
+    """
+
+    def __init__(self, active: Tensor, side: int, predicted: int) -> None:
         self._batch, self._row, self._column = active.nonzero().unbind(1)
         self._count = len(self._batch)
         self._number = (active.flatten().cumsum(0).view(active.shape) - 1).masked_fill(~active, -1)
         self._halos: dict[int, Halo] = {}
-        batch, y, x = self._places(torch.arange(TILE_CELLS, device=active.device), TILE_CELLS)
-        maps, rows, columns = active.shape
-        self._batch_size, self._map_cells = maps, rows * columns * TILE_CELLS**2
-        self._cells = ((batch * rows * TILE_CELLS + y) * columns * TILE_CELLS + x).flatten()
+        self._side, self._predicted, self._maps = side, predicted, active.shape
+
+    def _own_cells(self, size: int) -> Tensor:
+        """The rows (N size^2,) of the tiles' cells in maps (B H W, C) whose tiles have this side."""
+        _, rows, columns = self._maps
+        batch, y, x = self._places(torch.arange(size, device=self._number.device), size)
+        return ((batch * rows * size + y) * columns * size + x).flatten()
 
     def halo(self, size: int) -> Halo:
         """Of tiles with this side, at any scale of the backbone."""
@@ -137,23 +165,24 @@ class Tiles:
 
     def of(self, maps: Tensor) -> Tensor:
         """The tiles (N, C, T, T) of maps (B, C, H, W)."""
-        return _map(_rows(maps).index_select(0, self._cells), self._count, TILE_CELLS, TILE_CELLS)
+        rows = _rows(maps).index_select(0, self._own_cells(self._side))
+        return _map(rows, self._count, self._side, self._side)
 
-    def placed(self, mine: Predictions, empty: Predictions) -> Predictions:
+    def placed(self, mine: P, empty: P) -> P:
         """The predictions of the tiles among those of an empty map, for each map of the batch."""
+        cells = self._own_cells(self._predicted)
+        maps, rows, columns = self._maps
+        map_cells = rows * columns * self._predicted**2
 
-        def put(part: Tensor, among: Tensor) -> Tensor:
-            whole = among.view(1, self._map_cells, -1).expand(self._batch_size, -1, -1).flatten(0, 1)
-            whole = whole.index_copy(0, self._cells, part.reshape(len(self._cells), -1))
-            return whole.view(self._batch_size, *among.shape[1:])
+        def put(part: Tensor | None, among: Tensor | None) -> Tensor | None:
+            if part is None or among is None:
+                return None
+            whole = among.view(1, map_cells, -1).expand(maps, -1, -1).flatten(0, 1)
+            whole = whole.index_copy(0, cells, part.reshape(len(cells), -1))
+            return whole.view(maps, *among.shape[1:])
 
-        has_quality = mine.qualities is not None and empty.qualities is not None
-        return Predictions(
-            put(mine.scores, empty.scores),
-            put(mine.codes, empty.codes),
-            put(mine.directions, empty.directions),
-            put(mine.qualities, empty.qualities) if has_quality else None,  # type: ignore[arg-type]
-        )
+        names = [field.name for field in fields(mine)]  # type: ignore[arg-type]
+        return type(mine)(*(put(getattr(mine, name), getattr(empty, name)) for name in names))
 
     def _places(self, reach: Tensor, size: int) -> tuple[Tensor, Tensor, Tensor]:
         """Batch entry, y and x (N, K, K) of the cells at these offsets (K,) in each tile."""
@@ -166,12 +195,10 @@ class _TileConvolution(torch.autograd.Function):
     """A 3 x 3 convolution of tiles, between the cells of an empty map; `after`: the halo of its outputs."""
 
     @staticmethod
-    def forward(
-        ctx: Any, x: Tensor, weight: Tensor, stride: int, around: Tensor, halo: Halo, after: Halo
-    ) -> Tensor:
-        ctx.save_for_backward(weight)
-        ctx.stride, ctx.after = stride, after
-        return F.conv2d(halo.framed(x, around), weight, stride=stride)
+    def forward(ctx: Any, x: Tensor, layer: nn.Conv2d, around: Tensor, halo: Halo, after: Halo) -> Tensor:
+        ctx.save_for_backward(layer.weight)
+        ctx.stride, ctx.after = layer.stride[0], after
+        return F.conv2d(halo.framed(x, around), layer.weight, layer.bias, layer.stride)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
@@ -179,19 +206,17 @@ class _TileConvolution(torch.autograd.Function):
         framed, stride = ctx.after.framed(grads[0], None), ctx.stride
         # The frame adds a row of outputs before the first; the padding takes what it adds to the inputs.
         to_x = F.conv_transpose2d(framed, weight, None, stride, stride + 1, stride - 1)
-        return to_x, None, None, None, None, None
+        return to_x, None, None, None, None
 
 
 def _tile_convolution(x: Tensor, layer: nn.Conv2d, around: Tensor, halo: Halo, after: Halo) -> Tensor:
     """Tiles (N, C_out, size / stride, size / stride); the weights get no gradient."""
-    stride = layer.stride[0]
-    out: Tensor = _TileConvolution.apply(x, layer.weight, stride, around, halo, after)  # type: ignore[no-untyped-call]
+    out: Tensor = _TileConvolution.apply(x, layer, around, halo, after)  # type: ignore[no-untyped-call]
     return out
 
 
-def _tiles_near(occupied: Tensor) -> Tensor:
-    """The tiles (B, H / T, W / T) with a cell within the margin of an occupied one (B, H, W)."""
-    margin, side = MARGIN_CELLS, TILE_CELLS
+def _tiles_near(occupied: Tensor, side: int, margin: int) -> Tensor:
+    """The tiles (B, H / side, W / side) with a cell within the margin of an occupied one (B, H, W)."""
     padded = F.pad(occupied.float()[:, None], (margin, margin, margin, margin))
     return F.max_pool2d(padded, 2 * margin + side, side)[:, 0] > 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.detector.family import Family
-from advpipe.pipeline.detector.second.presets import PRESETS, SecondPreset
+from advpipe.pipeline.detector.second.presets import KITTI, PRESETS, SecondPreset
 
 if TYPE_CHECKING:
     from advpipe.pipeline.detector.second.model import SecondNet
@@ -32,6 +32,7 @@ class SecondFamily(Family):
         return SecondNet(self.presets[preset])
 
     def import_weights(self, file: Path) -> tuple[SecondNet, dict[str, str]]:
-        from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
+        from advpipe.pipeline.detector.common.openpcdet import import_openpcdet
 
-        return import_openpcdet(file)
+        net = self.network(KITTI.name)
+        return net, import_openpcdet(file, net)

@@ -4,44 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from advpipe.pipeline.detector.common.preset import Anchor, AnchorPreset, BevBlock
+from advpipe.pipeline.detector.common.preset import Anchor, AnchorVoxelPreset, BevBlock, SparsePreset
 from advpipe.pipeline.detector.expected_input import ExpectedInput
 from advpipe.pipeline.detector.protocol import Range
 
 
 @dataclass(frozen=True, kw_only=True)
-class SecondPreset(AnchorPreset):
-    """The shape of a SECOND.
-
-    channels_3d: after the input layer, stages 1 to 4, and the z-compressing layer. bev: the blocks of the 2D
-    backbone. input_offset, input_scale: the mean VFE's x, y, z, intensity enter the network as
-    (value - offset) * scale.
-
-    The other settings serve `kitti`, whose weights were trained with OpenPCDet. layers_above: empty layers of
-    voxels above the range. points_per_voxel: only the first points of a voxel are used; None: all.
-    max_voxels, max_voxels_training: only the first voxels of a cloud are used.
-    """
+class SecondPreset(AnchorVoxelPreset, SparsePreset):
+    """The shape of a SECOND; `kitti`, whose weights were trained with OpenPCDet, needs its own limits."""
 
     family = "second"
-
-    channels_3d: tuple[int, int, int, int, int, int]
-    bev: tuple[BevBlock, ...]
-    input_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    input_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    layers_above: int = 0
-    points_per_voxel: int | None = None
-    max_voxels: int | None = None
-    max_voxels_training: int | None = None
-
-    @property
-    def grid_zyx(self) -> tuple[int, int, int]:
-        """Voxels along z, y and x, empty layers above the range included."""
-        r, (dx, dy, dz) = self.range_m, self.voxel_size_m
-        return (
-            round((r.z_max_m - r.z_min_m) / dz) + self.layers_above,
-            round((r.y_max_m - r.y_min_m) / dy),
-            round((r.x_max_m - r.x_min_m) / dx),
-        )
 
 
 SMALL = SecondPreset(

@@ -16,7 +16,7 @@ from hypothesis import reject
 from hypothesis import strategies as st
 
 from advpipe.pipeline.detector.registry import load_detector
-from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
+from advpipe.pipeline.detector.second.family import SecondFamily
 from tests.fuzz import base
 from tests.fuzz.case import Call, Case, Target
 from tests.fuzz.edits import edited_bytes
@@ -32,7 +32,7 @@ def load(tree: Path, out: Path) -> None:
 
 
 def convert(tree: Path, out: Path) -> None:
-    import_openpcdet(tree / THEIRS)
+    SecondFamily().import_weights(tree / THEIRS)
 
 
 CALLS: dict[str, Call] = {"load": load, "import": convert}

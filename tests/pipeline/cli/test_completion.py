@@ -31,7 +31,7 @@ import pytest
         ("advpipe sweep --table p", ["paper"]),
         ("advpipe sweep --recipes best,random-n", ["best,random-near"]),
         ("advpipe train --preset k", ["kitti"]),
-        ("advpipe train --family s", ["second"]),
+        ("advpipe train --family p", ["pointpillars"]),
         ("advpipe import open", ["openpcdet"]),
         ("advpipe export --format nu", ["nuscenes"]),
         ("advpipe plot --format s", ["svg"]),

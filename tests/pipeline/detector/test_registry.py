@@ -31,6 +31,15 @@ def test_a_checkpoint_is_loaded_by_path(tmp_path):
     assert isinstance(load_detector(str(path)), Second)
 
 
+def test_the_name_of_a_family_is_answered_with_what_to_give():
+    with pytest.raises(AdvpipeError, match=r"second is a family of detectors; give .* checkpoints: small"):
+        load_detector("second")
+    for name in ("pointpillars", "centerpoint"):
+        trained = f"no checkpoint .* {name} is shipped; train one with `advpipe train .* --family {name} "
+        with pytest.raises(AdvpipeError, match=trained):
+            load_detector(name)
+
+
 class Mine:
     classes = ("car",)
     range_m = Range(-1, -1, -1, 1, 1, 1)

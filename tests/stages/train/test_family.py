@@ -65,7 +65,9 @@ def test_a_run_does_not_start_from_another_family(drive, tmp_path, pillars, tiny
 
 
 def test_unknown_families_presets_and_weights_are_refused(tmp_path, pillars):
-    with pytest.raises(UsageError, match="unknown detector family 'third'; known: second, pillars"):
+    with pytest.raises(
+        UsageError, match="unknown detector family 'third'; known: second, pointpillars, centerpoint, pillars"
+    ):
         TrainConfig((tmp_path,), tmp_path / "run", family="third")
     with pytest.raises(UsageError, match="unknown detector preset 'small'; known: narrow"):
         TrainConfig((tmp_path,), tmp_path / "run", family="pillars")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 import torch
@@ -11,9 +13,12 @@ from advpipe.pipeline.adversary.targets import find_targets
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.dataset.sample import shipped_sample
+from advpipe.pipeline.detector.centerpoint.head import CentreHead
+from advpipe.pipeline.detector.centerpoint.presets import SMALL as CENTRES
+from advpipe.pipeline.detector.centerpoint.presets import CenterPointPreset
 from advpipe.pipeline.detector.common import tiles
 from advpipe.pipeline.detector.common.backbone2d import Backbone2d
-from advpipe.pipeline.detector.common.head import Head, Predictions
+from advpipe.pipeline.detector.common.head import Head
 from advpipe.pipeline.detector.common.preset import BevBlock
 from advpipe.pipeline.detector.common.tiles import OccupiedMap
 from advpipe.pipeline.detector.protocol import LossInput, OccupancyLoss
@@ -25,18 +30,22 @@ from advpipe.pipeline.geometry.iou import iou_3d
 from advpipe.pipeline.messages.cloud import xyzi
 
 BLOCKS = (BevBlock(2, 1, 5, 1, 6), BevBlock(3, 2, 7, 2, 4), BevBlock(1, 2, 8, 4, 4))
+FINE_BLOCKS = (BevBlock(1, 2, 5, 1, 0), BevBlock(1, 1, 7, 1, 4), BevBlock(1, 2, 8, 2, 4))
+"""As PointPillars has them: predictions at cells of two of the map's, from the second block on."""
+
 SIZE = (24, 36)
 
 
-def layers_of(preset=SMALL) -> tuple[Backbone2d, Head]:
+def layers_of(preset=SMALL, blocks=BLOCKS) -> tuple[Backbone2d, nn.Module]:
     torch.manual_seed(4)
-    backbone = Backbone2d(BLOCKS, 3)
-    for module in backbone.modules():
+    backbone = Backbone2d(blocks, 3)
+    head = (CentreHead if isinstance(preset, CenterPointPreset) else Head)(preset, backbone.out_channels)
+    for module in [*backbone.modules(), *head.modules()]:
         if isinstance(module, nn.BatchNorm2d):
             nn.init.uniform_(module.bias, -0.3, 0.5)
             nn.init.uniform_(module.running_mean, -0.2, 0.2)
-    head = Head(preset, backbone.out_channels)
-    nn.init.normal_(head.convolution.weight, std=0.1)
+        elif isinstance(module, nn.Conv2d) and module not in backbone.modules():
+            nn.init.normal_(module.weight, std=0.1)
     return backbone.double().eval().requires_grad_(False), head.double().eval().requires_grad_(False)
 
 
@@ -50,32 +59,37 @@ def maps_of() -> tuple[torch.Tensor, torch.Tensor]:
     return bev.to(memory_format=torch.channels_last), occupied
 
 
-def by_hand(backbone: Backbone2d, head: Head, bev: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
-    """Every layer on the whole map; its results outside of the tiles are those of an empty map."""
+def by_hand(backbone: Backbone2d, head: nn.Module, bev: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
+    """Every layer on the whole map; what convolutions give outside of the tiles is that of an empty map."""
+    empty: dict[nn.Conv2d, torch.Tensor] = {}
 
-    def beside(x: torch.Tensor, empty: torch.Tensor) -> torch.Tensor:
-        scale = SIZE[0] // x.shape[2]
-        return torch.where(active[:, None, ::scale, ::scale], x, empty)
+    def noted(layer: nn.Conv2d, x: torch.Tensor) -> torch.Tensor:
+        empty[layer] = layer(x)
+        return empty[layer].clone()
 
-    ups, empty = [], torch.zeros_like(bev)
-    for block, up in zip(backbone.blocks, backbone.ups, strict=True):
-        for layer in block:
-            bev, empty = layer(bev), layer(empty)
-            bev = beside(bev, empty)
-        ups.append(beside(up(bev), up(empty)))
-    return all_of(head(torch.cat(ups, 1)))
+    def beside(layer: nn.Conv2d, x: torch.Tensor) -> torch.Tensor:
+        out = layer(x)
+        scale = SIZE[0] // out.shape[2]
+        return torch.where(active[:, None, ::scale, ::scale], out, empty[layer])
 
-
-def all_of(predictions: Predictions) -> torch.Tensor:
-    parts = (predictions.scores, predictions.codes, predictions.directions)
-    flat = [part.flatten(1) for part in parts]
-    return torch.cat([*flat, *([] if predictions.qualities is None else [predictions.qualities])], 1)
+    head(backbone(torch.zeros_like(bev), noted), noted)
+    return all_of(head(backbone(bev, beside), beside))
 
 
-@pytest.mark.parametrize("preset", [SMALL, KITTI], ids=lambda preset: preset.name)
-def test_tiles_lie_in_an_empty_map(preset, monkeypatch):
-    monkeypatch.setattr(tiles, "MARGIN_CELLS", 2)
-    (backbone, head), (bev, occupied) = layers_of(preset), maps_of()
+def all_of(predictions) -> torch.Tensor:
+    parts = (getattr(predictions, field.name) for field in fields(predictions))
+    return torch.cat([part.flatten(1) for part in parts if part is not None], 1)
+
+
+@pytest.mark.parametrize(
+    ("preset", "blocks", "margin", "side"),
+    [(SMALL, BLOCKS, 2, 4), (KITTI, BLOCKS, 2, 4), (CENTRES, BLOCKS, -1, 4), (SMALL, FINE_BLOCKS, 1, 2)],
+    ids=["qualities", "anchors", "centres", "finer map"],
+)
+def test_tiles_lie_in_an_empty_map(preset, blocks, margin, side, monkeypatch):
+    monkeypatch.setattr(tiles, "MARGIN_CELLS", margin)
+    monkeypatch.setattr(tiles, "TILE_CELLS", side)  # the head of centres reaches three cells farther
+    (backbone, head), (bev, occupied) = layers_of(preset, blocks), maps_of()
     rows, columns = (torch.arange(n) // 4 for n in SIZE)
     active = torch.zeros_like(occupied)
     for b, y, x in occupied.nonzero().tolist():

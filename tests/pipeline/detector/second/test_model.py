@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common.voxels import voxelise
 from advpipe.pipeline.detector.protocol import LossInput, Range, VoxelDetector
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import KITTI, SMALL
-from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
 

@@ -14,17 +14,20 @@ from typer.testing import CliRunner
 
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common.openpcdet import their_names
+from advpipe.pipeline.detector.common.voxels import voxelise
 from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.detector.second.family import SecondFamily
 from advpipe.pipeline.detector.second.model import SecondNet
-from advpipe.pipeline.detector.second.openpcdet import import_openpcdet, their_names
 from advpipe.pipeline.detector.second.presets import KITTI
-from advpipe.pipeline.detector.second.voxels import voxelise
 
 HERE = Path(__file__).parent
 
 
 def reference():
-    spec = importlib.util.spec_from_file_location("openpcdet_reference", HERE / "openpcdet_reference.py")
+    spec = importlib.util.spec_from_file_location(
+        "openpcdet_reference", HERE.parent / "openpcdet_reference.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -71,9 +74,11 @@ def test_imported_weights_give_the_results_of_spconv(tmp_path):
     torch.set_num_threads(1)
     try:
         module = reference()
-        theirs = module.randomise(module.build(), 3)
+        theirs = module.randomise(module.build_second(), 3)
         points = street(0)
-        features, indices = module.voxelise(points)
+        features, indices = module.mean_voxels(
+            points, (0.0, -40.0, -3.0), (0.05, 0.05, 0.1), (1408, 1600, 40)
+        )
         with torch.no_grad():
             expected = theirs(features, indices)
         whole = {"model_state": theirs.state_dict(), "optimizer_state": None, "epoch": 1}
@@ -120,7 +125,7 @@ def test_every_weight_is_mapped_once():
 def test_layouts_of_both_spconv_versions_give_the_same_weights(tmp_path, layout):
     torch.manual_seed(4)
     torch.save({"model_state": their_state(layout)}, tmp_path / "a.pth")
-    net, provenance = import_openpcdet(tmp_path / "a.pth")
+    net, provenance = SecondFamily().import_weights(tmp_path / "a.pth")
     torch.manual_seed(4)
     expected = SecondNet(KITTI).state_dict()
     for name, value in net.state_dict().items():
@@ -154,8 +159,8 @@ def changed(path: Path, checkpoint: Path, change) -> Path:
             r"conv_cls.weight has shape \(20, 512, 1, 1\), not \(18, 512, 1, 1\)",
         ),
         (
-            lambda s: s.update({"backbone_3d.conv_input.0.weight": torch.zeros(16, 3, 3, 3, 5)}),
-            r"conv_input.0.weight has shape \(16, 3, 3, 3, 5\), not \(16, 3, 3, 3, 4\)",
+            lambda s: s.update({"backbone_3d.conv_input.0.weight": torch.zeros(16, 3, 3, 3, 7)}),
+            r"conv_input.0.weight has shape \(16, 3, 3, 3, 7\), not \(16, 3, 3, 3, 4\)",
         ),
         (lambda s: s["dense_head.conv_cls.bias"].fill_(float("nan")), "conv_cls.bias holds values"),
         (
@@ -171,7 +176,7 @@ def changed(path: Path, checkpoint: Path, change) -> Path:
 )
 def test_other_networks_are_refused(tmp_path, checkpoint, change, message):
     with pytest.raises(AdvpipeError, match=message) as caught:
-        import_openpcdet(changed(tmp_path / "other.pth", checkpoint, change))
+        SecondFamily().import_weights(changed(tmp_path / "other.pth", checkpoint, change))
     assert "\n" not in str(caught.value)
 
 
@@ -197,7 +202,7 @@ def test_code_in_a_file_is_never_run(tmp_path):
         path = tmp_path / f"{number}.pth"
         write(path)
         with pytest.raises(AdvpipeError, match=message) as caught:
-            import_openpcdet(path)
+            SecondFamily().import_weights(path)
         assert "\n" not in str(caught.value)
     assert not trap.exists()
 
@@ -219,14 +224,14 @@ def test_files_that_are_no_checkpoint_are_refused(tmp_path, checkpoint):
         path = tmp_path / f"{number}.pth"
         path.write_bytes(content)
         with pytest.raises(AdvpipeError, match=r"torch\.save") as caught:
-            import_openpcdet(path)
+            SecondFamily().import_weights(path)
         assert "\n" not in str(caught.value)
     with pytest.raises(AdvpipeError, match="no OpenPCDet checkpoint at"):
-        import_openpcdet(tmp_path / "missing.pth")
+        SecondFamily().import_weights(tmp_path / "missing.pth")
     torch.save([1, 2], tmp_path / "list.pth")
     with pytest.raises(AdvpipeError, match="no `model_state`"):
-        import_openpcdet(tmp_path / "list.pth")
-    assert len(import_openpcdet(old)[0].state_dict()) > 100
+        SecondFamily().import_weights(tmp_path / "list.pth")
+    assert len(SecondFamily().import_weights(old)[0].state_dict()) > 100
 
 
 def test_the_command_refuses_before_reading_the_file(tmp_path, checkpoint):

@@ -10,10 +10,10 @@ import torch
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.common.anchors import AnchorGrid, decode_boxes, encode_boxes
 from advpipe.pipeline.detector.common.loss import losses
+from advpipe.pipeline.detector.common.voxels import voxelise
 from advpipe.pipeline.detector.families import family_named
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import ALL_AROUND, KITTI, PRESETS
-from advpipe.pipeline.detector.second.voxels import voxelise
 from advpipe.pipeline.geometry.boxes import CLASSES
 
 

@@ -17,7 +17,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.short_repr import shorten
 
 MOST_BYTES = 1 << 28
-"""A SECOND for KITTI has 21 MB of weights, three times that with its optimiser's state."""
+"""A CenterPoint for Waymo has 23 MB of weights, three times that with its optimiser's state."""
 
 MOST_ENTRIES = 10_000
 MOST_DIRECTORY_BYTES = 1 << 22
@@ -42,7 +42,7 @@ def check_archive(path: Path) -> None:
     than tensors."""
     size_bytes = path.stat().st_size
     if size_bytes > MOST_BYTES:
-        raise AdvpipeError(f"{path} has {size_bytes} bytes; OpenPCDet's SECOND has at most {MOST_BYTES}")
+        raise AdvpipeError(f"{path} has {size_bytes} bytes; checkpoints of OpenPCDet have up to {MOST_BYTES}")
     with path.open("rb") as file:
         if file.read(4) == b"PK\x03\x04":
             _check_zip(path, file, size_bytes)

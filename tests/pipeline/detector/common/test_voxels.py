@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 
+from advpipe.pipeline.detector.common.voxels import voxelise
 from advpipe.pipeline.detector.second.presets import KITTI, SMALL
-from advpipe.pipeline.detector.second.voxels import voxelise
 
 POINTS = torch.tensor(
     [

@@ -12,21 +12,21 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
-from advpipe.pipeline.detector.second.torch_archive import MOST_BYTES, MOST_PICKLE_BYTES, check_archive
+from advpipe.pipeline.detector.common.torch_archive import MOST_BYTES, MOST_PICKLE_BYTES, check_archive
+from advpipe.pipeline.detector.second.family import SecondFamily
 
 IMPORT = """
 import sys
 from pathlib import Path
 import torch
-from advpipe.pipeline.detector.second.openpcdet import import_openpcdet
+from advpipe.pipeline.detector.second.family import SecondFamily
 from advpipe.pipeline.core.errors import AdvpipeError
 def peak_kib():  # that of `resource` is at least what the process that started this one held
     with open("/proc/self/status") as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmHWM"))
 before = peak_kib()
 try:
-    import_openpcdet(Path(sys.argv[1]))
+    SecondFamily().import_weights(Path(sys.argv[1]))
 except AdvpipeError as error:
     print(error)
 peak_mib = (peak_kib() - before) >> 10
@@ -82,8 +82,8 @@ def test_an_expanded_tensor_is_refused_before_it_is_expanded(tmp_path: Path) -> 
 
 
 def their_names_expanded() -> dict[str, torch.Tensor]:
+    from advpipe.pipeline.detector.common.openpcdet import their_names
     from advpipe.pipeline.detector.second.model import SecondNet
-    from advpipe.pipeline.detector.second.openpcdet import their_names
     from advpipe.pipeline.detector.second.presets import KITTI
 
     ours = [name for name, value in SecondNet(KITTI).state_dict().items() if value.is_floating_point()]
@@ -145,5 +145,5 @@ def test_an_archive_with_overlapping_entries_is_refused(tmp_path: Path) -> None:
 def test_a_file_larger_than_any_checkpoint_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "a.pth").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    with pytest.raises(AdvpipeError, match="OpenPCDet's SECOND has at most"):
-        import_openpcdet(tmp_path / "a.pth")
+    with pytest.raises(AdvpipeError, match="checkpoints of OpenPCDet have up to"):
+        SecondFamily().import_weights(tmp_path / "a.pth")

@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from advpipe.pipeline.detector.second.backbone3d import STRIDED, to_bev
-from advpipe.pipeline.detector.second.sparse_conv import (
+from advpipe.pipeline.detector.common.backbone3d import STRIDED, to_bev
+from advpipe.pipeline.detector.common.sparse_conv import (
     Sites,
     reached,
     sparse_convolution,

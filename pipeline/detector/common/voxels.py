@@ -1,4 +1,4 @@
-"""Points to voxels: the mean voxel feature encoder, differentiable to the points."""
+"""Points to voxels: which points each holds, and their mean, differentiable to the points."""
 
 from __future__ import annotations
 
@@ -8,30 +8,59 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.second.presets import SecondPreset
-from advpipe.pipeline.detector.second.sparse_conv import Sites
+from advpipe.pipeline.detector.common.preset import VoxelPreset
+from advpipe.pipeline.detector.common.sparse_conv import Sites
 
 
 @dataclass(frozen=True)
-class Voxels:
+class OccupiedVoxels:
     """The V occupied voxels of a batch of clouds.
 
-    features: (V, 4) mean x, y, z, intensity of the used points inside.
     sites: where they are.
     point_to_voxel: (N,) int64 row of each point of the concatenated clouds, -1 for ignored points.
     holds_points: (V,) bool; the other voxels hold only probe points.
     """
 
-    features: Tensor
     sites: Sites
     point_to_voxel: Tensor
     holds_points: Tensor
 
 
+@dataclass(frozen=True)
+class VoxelPoints(OccupiedVoxels):
+    """The U points that voxels use: points (U, 4), and voxel (U,) the row of each."""
+
+    points: Tensor
+    voxel: Tensor
+
+
+@dataclass(frozen=True)
+class Voxels(OccupiedVoxels):
+    """features: (V, 4) mean x, y, z, intensity of the used points inside."""
+
+    features: Tensor
+
+
 def voxelise(
-    clouds: Sequence[Tensor], preset: SecondPreset, *, training: bool = False, probes: Sequence[int] = ()
+    clouds: Sequence[Tensor], preset: VoxelPreset, *, training: bool = False, probes: Sequence[int] = ()
 ) -> Voxels:
-    """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each.
+    """The voxels of clouds (N_i, 4), as in `points_by_voxel`, with the means of their points."""
+    held = points_by_voxel(clouds, preset, training=training, probes=probes)
+    return Voxels(held.sites, held.point_to_voxel, held.holds_points, mean_by_voxel(held.points, held))
+
+
+def mean_by_voxel(values: Tensor, held: VoxelPoints) -> Tensor:
+    """The mean (V, C) of the values (U, C) of each voxel's points."""
+    voxels = len(held.sites)
+    count = torch.bincount(held.voxel, minlength=voxels).to(values.dtype)
+    total = values.new_zeros(voxels, values.shape[1]).index_add(0, held.voxel, values)
+    return total / count[:, None]
+
+
+def points_by_voxel(
+    clouds: Sequence[Tensor], preset: VoxelPreset, *, training: bool = False, probes: Sequence[int] = ()
+) -> VoxelPoints:
+    """The voxels of clouds (N_i, 4) x, y, z, intensity, one batch entry each, and the points in them.
 
     Points that are out of range or not finite are ignored. All points of a voxel are used, so the order of
     the points does not matter and each has a gradient. Where the preset limits the points of a voxel or the
@@ -68,9 +97,7 @@ def voxelise(
         counts = _place_in_voxel(voxel) < preset.points_per_voxel
         rows, voxel = rows[counts], voxel[counts]
     inside = points if len(rows) == len(points) else points.index_select(0, rows)
-    count = torch.bincount(voxel, minlength=len(keys)).to(points.dtype)
-    total = points.new_zeros(len(keys), points.shape[1]).index_add(0, voxel, inside)
-    return Voxels(total / count[:, None], Sites(keys, shape, len(clouds)), point_to_voxel, holds_points)
+    return VoxelPoints(Sites(keys, shape, len(clouds)), point_to_voxel, holds_points, inside, voxel)
 
 
 def _last_of_each(clouds: Sequence[Tensor], counts: Sequence[int]) -> Tensor:

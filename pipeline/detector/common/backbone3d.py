@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from advpipe.pipeline.detector.second.presets import SecondPreset
-from advpipe.pipeline.detector.second.sparse_conv import (
+from advpipe.pipeline.detector.common.preset import SparsePreset
+from advpipe.pipeline.detector.common.sparse_conv import (
     Rulebook,
     Shape,
     Sites,
@@ -29,10 +29,10 @@ class Backbone3d(nn.Module):
     """Four stages of submanifold layers, all but the first begin with stride two; a last layer compresses
     z."""
 
-    def __init__(self, preset: SecondPreset) -> None:
+    def __init__(self, preset: SparsePreset) -> None:
         super().__init__()
         c0, c1, c2, c3, c4, c5 = preset.channels_3d
-        self.stage1 = nn.ModuleList([SparseLayer(4, c0), SparseLayer(c0, c1)])
+        self.stage1 = nn.ModuleList([SparseLayer(4 + preset.extra_features, c0), SparseLayer(c0, c1)])
         self.stage2 = nn.ModuleList([SparseLayer(c1, c2), SparseLayer(c2, c2), SparseLayer(c2, c2)])
         self.stage3 = nn.ModuleList([SparseLayer(c2, c3), SparseLayer(c3, c3), SparseLayer(c3, c3)])
         self.stage4 = nn.ModuleList([SparseLayer(c3, c4), SparseLayer(c4, c4), SparseLayer(c4, c4)])

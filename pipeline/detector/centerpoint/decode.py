@@ -1,0 +1,37 @@
+"""Heat and codes to a short list of boxes."""
+
+from __future__ import annotations
+
+import torch
+from torch.nn import functional as F
+
+from advpipe.pipeline.detector.centerpoint.head import CentrePredictions
+from advpipe.pipeline.detector.centerpoint.targets import CentreGrid
+from advpipe.pipeline.detector.common.decode import SCORE_THRESHOLD, suppressed_detections
+from advpipe.pipeline.detector.protocol import Detections
+
+
+@torch.no_grad()
+def decode_centres(predictions: CentrePredictions, b: int, grid: CentreGrid) -> Detections:
+    """The boxes of cloud `b` at the cells where a class scores at least 0.1, best first.
+
+    A box whose centre lies out of the range is no candidate. The quality of boxes, where the head predicts
+    it, is raised to `quality_power` and multiplies the score.
+    """
+    preset, r = grid.preset, grid.preset.range_m
+    of_classes = torch.sigmoid(predictions.scores[b])
+    likely = of_classes >= SCORE_THRESHOLD
+    if preset.peaks_only:
+        maps = of_classes.T.reshape(1, -1, grid.height, grid.width)
+        likely &= (F.max_pool2d(maps, 3, 1, 1) == maps).flatten(2)[0].T
+    cells, labels = likely.nonzero().unbind(1)
+    scores = of_classes[cells, labels]
+    if predictions.qualities is not None and preset.quality_power is not None:
+        scores = scores * torch.sigmoid(predictions.qualities[b][cells]) ** preset.quality_power
+    order = torch.sort(scores, descending=True, stable=True).indices[: preset.max_candidates]
+    boxes = grid.decode(predictions.codes[b][cells[order]], cells[order])
+    low = boxes.new_tensor([r.x_min_m, r.y_min_m, r.z_min_m])
+    high = boxes.new_tensor([r.x_max_m, r.y_max_m, r.z_max_m])
+    inside = ((boxes[:, :3] >= low) & (boxes[:, :3] <= high)).all(1)
+    chosen = order[inside]
+    return suppressed_detections(boxes[inside], scores[chosen], labels[chosen], preset)

@@ -1,0 +1,96 @@
+"""Which configuration of OpenPCDet a checkpoint belongs to, told by the names and shapes of its weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Shapes = Mapping[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One that can be imported. file: OpenPCDet's name of it; network, data: its network and training data;
+    family: ours."""
+
+    file: str
+    network: str
+    data: str
+    family: str
+
+
+CONFIGURATIONS = (
+    Configuration("second.yaml", "SECOND", "KITTI", "second"),
+    Configuration("pointpillar.yaml", "PointPillars", "KITTI", "pointpillars"),
+    Configuration("centerpoint_without_resnet.yaml", "CenterPoint", "Waymo", "centerpoint"),
+)
+
+INPUT, PILLAR_INPUT = "backbone_3d.conv_input.0.weight", "vfe.pfn_layers.0.linear.weight"
+WAYMO_FEATURES = 5
+"""A point of Waymo has its elongation, too."""
+
+
+def configuration_of(family: str) -> Configuration:
+    """The one that a family of ours takes."""
+    (found,) = (each for each in CONFIGURATIONS if each.family == family)
+    return found
+
+
+def refusal(shapes: Shapes, wanted: Configuration) -> str:
+    """Why a checkpoint with weights of these names and shapes is none of the configuration that is wanted,
+    as far as it is recognised as another one: else ""."""
+    other = _other_network(shapes)
+    if other:
+        takes = "; ".join(f"{each.file} ({each.data})" for each in CONFIGURATIONS)
+        return f"holds {other} of OpenPCDet, which is not imported; what is: {takes}"
+    found = _importable(shapes)
+    if found is None or found == wanted:
+        return ""
+    return f"holds a {found.network} of OpenPCDet's {found.file}; pass --family {found.family}"
+
+
+def _importable(shapes: Shapes) -> Configuration | None:
+    second, pillars, centres = CONFIGURATIONS
+    if _has(shapes, "dense_head.heads_list."):
+        return centres
+    if _has(shapes, "dense_head.conv_cls."):
+        return pillars if _has(shapes, "vfe.pfn_layers.") else second
+    return None
+
+
+def _other_network(shapes: Shapes) -> str:
+    """The network that advpipe lacks, and the files that configure it; "" for one that is not recognised."""
+    if _has(shapes, "roi_head."):
+        return _two_stages(shapes)
+    if _has(shapes, "dense_head.rpn_heads."):
+        kind = "pp" if _has(shapes, "vfe.pfn_layers.") else "second"
+        return f"a network of several heads (cbgs_{kind}_multihead.yaml)"
+    if _has(shapes, "dense_head.heads_list."):
+        if _has(shapes, "dense_head.heads_list.0.vel."):
+            return "a CenterPoint for nuScenes (cbgs_*_centerpoint.yaml)"
+        if _has(shapes, "vfe.pfn_layers."):
+            return "a CenterPoint on pillars (centerpoint_pillar_1x.yaml)"
+        if _has(shapes, "backbone_3d.conv1.0.conv1."):
+            return "a CenterPoint with residual layers (centerpoint.yaml)"
+    if _has(shapes, "dense_head.conv_cls."):
+        if WAYMO_FEATURES in shapes.get(INPUT, ())[-2:]:
+            return "a SECOND for Waymo (waymo_models/second.yaml)"
+        if shapes.get(PILLAR_INPUT, ())[-1:] == (WAYMO_FEATURES + 6,):
+            return "a PointPillars for Waymo (pointpillar_1x.yaml)"
+    return ""
+
+
+def _two_stages(shapes: Shapes) -> str:
+    if _has(shapes, "roi_head.iou_layers."):
+        return "a SECOND-IoU (second_iou.yaml)"
+    if _has(shapes, "pfe."):
+        return "a PV-RCNN (pv_rcnn.yaml)"
+    if not _has(shapes, "dense_head."):
+        return "a PointRCNN (pointrcnn.yaml)"
+    if _has(shapes, "point_head."):
+        return "a Part-A2 (PartA2.yaml)"
+    return "a Voxel R-CNN (voxel_rcnn_car.yaml) or another network of two stages"
+
+
+def _has(shapes: Shapes, prefix: str) -> bool:
+    return any(name.startswith(prefix) for name in shapes)

@@ -1,0 +1,81 @@
+"""Sizes of PointPillars: one frozen preset for each network that a checkpoint can hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from advpipe.pipeline.detector.common.preset import Anchor, AnchorVoxelPreset, BevBlock
+from advpipe.pipeline.detector.expected_input import ExpectedInput
+from advpipe.pipeline.detector.protocol import Range
+from advpipe.pipeline.detector.second.presets import SMALL as SECOND_SMALL
+
+Row = tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointPillarsPreset(AnchorVoxelPreset):
+    """The shape of a PointPillars; its voxels reach over the whole height of the range.
+
+    channels: of a pillar. input_offset, input_scale: x, y, z, intensity of a point enter the network as
+    (value - offset) * scale. from_mean_scale, from_centre_scale: factors of its offsets x, y, z from the mean
+    of its pillar's points, and from the pillar's centre.
+    """
+
+    family = "pointpillars"
+
+    channels: int
+    input_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    input_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    from_mean_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    from_centre_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+SMALL = PointPillarsPreset(
+    name="small",
+    range_m=SECOND_SMALL.range_m,
+    voxel_size_m=(0.16, 0.16, 5.4),
+    expected_input=SECOND_SMALL.expected_input,
+    channels=32,
+    # The head reads no block finer than 0.64 m; its anchors are those of SECOND's `small`.
+    bev=(BevBlock(2, 2, 32, 1, 0), BevBlock(4, 2, 64, 1, 128), BevBlock(4, 2, 128, 2, 128)),
+    anchors=SECOND_SMALL.anchors,
+    # All of magnitude one: training is faster so.
+    input_offset=SECOND_SMALL.input_offset,
+    input_scale=SECOND_SMALL.input_scale,
+    from_mean_scale=(12.5, 12.5, 1.0),
+    from_centre_scale=(12.5, 12.5, 0.4),
+    vote_iou=0.5,
+    suppress_by_class=True,
+    quality_power=1.0,
+)
+"""All around a roof LiDAR about 1.8 m above the road; trains on two CPU cores."""
+
+KITTI = PointPillarsPreset(
+    name="kitti",
+    range_m=Range(0.0, -39.68, -3.0, 69.12, 39.68, 1.0),
+    voxel_size_m=(0.16, 0.16, 4.0),
+    expected_input=ExpectedInput(lidar_height_m=1.73),
+    channels=64,
+    bev=(BevBlock(3, 2, 64, 1, 128), BevBlock(5, 2, 128, 2, 128), BevBlock(5, 2, 256, 4, 128)),
+    classes=("car", "pedestrian", "cyclist"),
+    anchors=(
+        Anchor("car", 3.9, 1.6, 1.56, -1.78, 0.6, 0.45),
+        Anchor("pedestrian", 0.8, 0.6, 1.73, -0.6, 0.5, 0.35),
+        Anchor("cyclist", 1.76, 0.6, 1.73, -0.6, 0.5, 0.35),
+    ),
+    yaws_rad=(0.0, 1.57),
+    direction_offset_rad=0.78539,
+    points_per_voxel=32,
+    max_voxels=40_000,
+    max_voxels_training=16_000,
+    anchors_to_edges=True,
+    nms_iou=0.01,
+    max_candidates=4096,
+    max_detections=500,
+)
+"""OpenPCDet's `pointpillar.yaml` for KITTI, number by number: 4,834,888 parameters, for imported weights.
+
+It covers only the front; its clouds are those of SECOND's preset of that name.
+"""
+
+PRESETS = {"small": SMALL, "kitti": KITTI}
