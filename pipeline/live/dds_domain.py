@@ -11,6 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.qos import Policy, Qos
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.nearest import known_names
@@ -21,6 +22,12 @@ LOOPBACK = "lo"
 
 _GENERAL = "<MaxMessageSize>65500B</MaxMessageSize>"
 """Fewer, larger datagrams: with Cyclone's default fragments, best effort loses half of the large clouds."""
+
+_RECEIVING = '<Internal><SocketReceiveBufferSize max="4MB"/></Internal>'
+"""As large as the system allows, up to this: a cloud is some dozens of datagrams that come at once."""
+
+_USER_DATA = b"enclave=/;"
+"""By which ROS 2 recognises a participant of its own."""
 
 _LOCAL_DISCOVERY = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60"
@@ -48,7 +55,7 @@ def domain_configuration(interface: str | None) -> str | None:
     if interface is None and _stays_on_this_machine():
         interface = LOOPBACK
     if interface is None:
-        return f"<CycloneDDS><Domain><General>{_GENERAL}</General></Domain></CycloneDDS>"
+        return f"<CycloneDDS><Domain><General>{_GENERAL}</General>{_RECEIVING}</Domain></CycloneDDS>"
     names = [name for _, name in socket.if_nameindex()]
     if interface not in names:
         raise UsageError(
@@ -59,7 +66,7 @@ def domain_configuration(interface: str | None) -> str | None:
     chosen = f"<Interfaces><NetworkInterface name={quoteattr(interface)}{multicast}/></Interfaces>"
     return (
         f"<CycloneDDS><Domain><General>{chosen}{_GENERAL}</General>"
-        f"{_LOCAL_DISCOVERY if is_loopback else ''}</Domain></CycloneDDS>"
+        f"{_RECEIVING}{_LOCAL_DISCOVERY if is_loopback else ''}</Domain></CycloneDDS>"
     )
 
 
@@ -71,7 +78,7 @@ class DdsDomain:
         with _printed_by_cyclone() as printed:
             try:
                 self._domain = Domain(domain_id, configuration)
-                self.participant = DomainParticipant(domain_id)
+                self.participant = DomainParticipant(domain_id, qos=Qos(Policy.Userdata(_USER_DATA)))
             except DDSException as error:
                 reason = printed() or one_line(error)
                 where = f"interface {interface}" if interface else "a network interface"
