@@ -49,7 +49,7 @@ def relay_command(
         overwrite=overwrite,
         ready=ready,
     )
-    figures = ("recorded", "unrecorded", "seconds", "reason")
+    figures = ("recorded", "unrecorded", "seconds", "cpu_s", "reason")
     document = {"bag": summary.bag, **{name: getattr(summary, name) for name in figures}}
     return Answer(
         {**document, "topics": summary.to_dicts()}, print_line(summary), made={"bag": summary.bag}

@@ -60,17 +60,30 @@ class InsertGhost(LidarAttack):
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud with the points of rays that meet the ghost on its surface."""
-        points_m = xyz(cloud).astype(np.float64)
+        near = np.flatnonzero(self._may_meet(cloud))
+        points_m = xyz(cloud[near]).astype(np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
             share = self._share_of_ray(points_m)
-            hit = np.flatnonzero(share < 1)
-        range_m = np.linalg.norm(points_m[hit], axis=1)
-        share = share[hit] + rng.normal(scale=self.noise_m, size=len(hit)) / range_m
+        meets = share < 1
+        hit, points_m, share = near[meets], points_m[meets], share[meets]
+        share += rng.normal(scale=self.noise_m, size=len(hit)) / np.linalg.norm(points_m, axis=1)
         ghost = cloud.copy()
         for column, axis in enumerate("xyz"):
-            ghost[axis][hit] = points_m[hit, column] * share
-        moved_m = np.linalg.norm(xyz(ghost[hit]).astype(np.float64) - points_m[hit], axis=1)
+            ghost[axis][hit] = points_m[:, column] * share
+        moved_m = np.linalg.norm(xyz(ghost[hit]).astype(np.float64) - points_m, axis=1)
         return LidarResult(ghost, PointLabels(hit, np.full(len(hit), MOVED), moved_m))
+
+    def _may_meet(self, cloud: Cloud) -> npt.NDArray[np.bool_]:
+        """Points (N,) beyond the ghost's near end, in the sector that a circle around its outline fills; the
+        others need no closer look."""
+        angle_rad, radius_m = math.radians(self.angle_deg), math.hypot(self.length_m, self.width_m) / 2
+        forward_m = cloud["x"] * math.cos(angle_rad) + cloud["y"] * math.sin(angle_rad)
+        side_m = cloud["y"] * math.cos(angle_rad) - cloud["x"] * math.sin(angle_rad)
+        if radius_m >= self.distance_m:
+            return np.isfinite(forward_m)
+        tangent = radius_m / math.sqrt(self.distance_m**2 - radius_m**2) * 1.001
+        found: npt.NDArray[np.bool_] = np.abs(side_m) <= forward_m * tangent
+        return found
 
     def _share_of_ray(self, points_m: Float64) -> Float64:
         """Where the ray from the sensor to each point (N, 3) enters the box, in shares of it; infinite where

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -33,6 +34,9 @@ from advpipe.stages.attack.declared import declaration_of
 from advpipe.stages.attack.registry import find_attack, refuse_foreign_keys, resolved_name
 
 _WAIT_S, _STATUS_S, _CLOCK_PATIENCE_S = 0.005, 10.0, 1.0
+_MOST_EARLY = 100
+"""Messages that wait until the time is known."""
+
 RESOLVED = "relay.yaml"
 
 
@@ -61,6 +65,7 @@ def relay(
                 ready(f"ROS 2 domain {options.domain}")
                 loop = _Loop(graph, parts, recorder, options)
                 reason = loop.run(stopped)
+                seconds, cpu_s = loop.seconds, loop.cpu_s
         for part in parts:
             if isinstance(part, FixRelay | CamRelay):
                 part.write_labels(bag.folder)
@@ -69,7 +74,8 @@ def relay(
         topics=loop.rows(),
         recorded=recorder.recorded,
         unrecorded=recorder.lost,
-        seconds=loop.seconds,
+        seconds=seconds,
+        cpu_s=cpu_s,
         reason=reason,
     )
 
@@ -84,12 +90,19 @@ class _Loop:
         self._by_topic = {part.topics[0].name: part for part in parts}
         self._clock = GraphClock()
         self._has_begun, self._first_s = False, 0.0
+        self._early = deque[tuple[str, bytes, float]](maxlen=_MOST_EARLY)
         self._begin_s = self._status_s = time.monotonic()
+        self._begin_cpu_s = time.process_time()
 
     @property
     def seconds(self) -> float:
         """Since the relay began."""
         return time.monotonic() - self._begin_s
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time since the relay began."""
+        return time.process_time() - self._begin_cpu_s
 
     def rows(self) -> tuple[RelayedTopic, ...]:
         """What became of each topic's messages so far."""
@@ -121,11 +134,14 @@ class _Loop:
             return
         if not self._has_begun:
             if self._graph.has_clock and not self._clock.has_ticked and not self._is_clock_silent():
+                self._early.append((name, cdr, time.monotonic()))
                 return  # nobody knows yet what time it is; the next tick is some milliseconds away
             self._has_begun = True
             for part in self._parts:
                 part.begin(self._clock.now_ns())
-        self._by_topic[name].take(cdr, self._clock.now_ns(), time.monotonic())
+        early, self._early = self._early, deque(maxlen=_MOST_EARLY)
+        for topic_name, body, arrival_s in (*early, (name, cdr, time.monotonic())):
+            self._by_topic[topic_name].take(body, self._clock.now_ns(), arrival_s)
 
     def _is_clock_silent(self) -> bool:
         """Whether /clock is announced, but shows nothing; the system's time is taken then."""

@@ -48,19 +48,24 @@ class RelayedTopic:
 
 @dataclass(frozen=True, repr=False)
 class RelaySummary(Tabular):
-    """A line a topic, and the bag. reason: why it ended. unrecorded: what the disk was too slow for."""
+    """A line a topic, and the bag.
+
+    unrecorded: what the disk was too slow for. cpu_s: processor time while it relayed. reason: why it ended.
+    """
 
     bag: Path
     topics: tuple[RelayedTopic, ...]
     recorded: int
     unrecorded: int
     seconds: float
+    cpu_s: float
     reason: str
 
     def __str__(self) -> str:
         lost = f"; {self.unrecorded:,} not recorded, as the disk is too slow" if self.unrecorded else ""
-        recorded = f"{counted(self.recorded, 'message')} recorded in {self.seconds:.1f} s, {self.reason}"
-        return "\n".join([*map(str, self.topics), f"{self.bag}: {recorded}{lost}"])
+        recorded = f"{counted(self.recorded, 'message')} recorded in {self.seconds:.1f} s"
+        cpu = f"{self.cpu_s:.1f} s of processor time"
+        return "\n".join([*map(str, self.topics), f"{self.bag}: {recorded} ({cpu}), {self.reason}{lost}"])
 
     def to_dicts(self) -> Rows:
         """One row a topic."""
