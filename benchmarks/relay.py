@@ -116,7 +116,8 @@ def measure(folder: Path, bag: Path, name: str, attacks: str, seconds: int) -> b
     consumer = subprocess.Popen(
         [sys.executable, __file__, "--receive", str(seconds + 14)], stdout=pipe, text=True
     )
-    relay = subprocess.Popen([*command, "relay", "--attack", str(file), *where, *made], stdout=pipe, text=True)
+    relaying = [*command, "relay", "--attack", str(file), *where, *made, "-q"]
+    relay = subprocess.Popen(relaying, stdout=pipe, text=True)
     assert consumer.stdout is not None
     assert consumer.stdout.readline() == "ready\n"
     time.sleep(6)  # the relay loads torch
@@ -134,7 +135,7 @@ def measure(folder: Path, bag: Path, name: str, attacks: str, seconds: int) -> b
     )
     for topic, one in rows.items():
         figures = (f"{one[key]:.1f}" for key in ("latency_median_ms", "latency_p99_ms", "latency_max_ms"))
-        print(f"    {topic:<20} {one['received']} in, {one['sent']} out; within the relay {' / '.join(figures)} ms")
+        print(f"    {topic:<20} {one['received']} in, {one['sent']} out; within it {' / '.join(figures)} ms")
     return len(attacked) >= (1 - LOSS) * sent and row["attacked"] >= (1 - LOSS) * sent
 
 

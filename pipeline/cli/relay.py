@@ -29,7 +29,7 @@ def relay_command(
     debug: Annotated[bool, cli_option(RelayOptions, "debug", "--debug/--no-debug")] = RelayOptions.debug,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Stand between publishers and consumers of a ROS 2 graph, attack what passes, record it; ctrl-C ends it."""
+    """Attack what passes between publishers and consumers of a ROS 2 graph, and record it; ctrl-C ends it."""
     from advpipe.commands.relay import relay
     from advpipe.pipeline.core.verbosity import notice
 
@@ -51,6 +51,4 @@ def relay_command(
     )
     figures = ("recorded", "unrecorded", "seconds", "cpu_s", "reason")
     document = {"bag": summary.bag, **{name: getattr(summary, name) for name in figures}}
-    return Answer(
-        {**document, "topics": summary.to_dicts()}, print_line(summary), made={"bag": summary.bag}
-    )
+    return Answer({**document, "topics": summary.to_dicts()}, print_line(summary), made={"bag": summary.bag})

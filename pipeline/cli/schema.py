@@ -24,7 +24,8 @@ class SchemaKind(str, Enum):
 @with_progress("making the schema", at_once=False)
 def schema_command(
     of: Annotated[
-        SchemaKind, typer.Option("--of", help="Scenario files, the report.json of `evaluate`, or the files of `relay`.")
+        SchemaKind,
+        typer.Option("--of", help="Scenario files, the report.json of `evaluate`, or files of `relay`."),
     ] = SchemaKind.scenario,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")

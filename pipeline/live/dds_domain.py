@@ -44,14 +44,14 @@ def domain_id_of_environment() -> int:
     return int(text)
 
 
-def domain_configuration(interface: str | None) -> str | None:
-    """Cyclone's configuration; None where the user's own, CYCLONEDDS_URI, is to be read.
+def domain_configuration(interface: str | None) -> str:
+    """Cyclone's configuration: files or XML texts, the user's own of CYCLONEDDS_URI if no interface is named.
 
     interface: None for Cyclone's choice, or for the loopback where ROS 2 is told to stay on this machine.
     Raises UsageError for an interface that this machine lacks.
     """
-    if interface is None and os.environ.get("CYCLONEDDS_URI"):
-        return None
+    if interface is None and (own := os.environ.get("CYCLONEDDS_URI")):
+        return own  # which Cyclone reads by itself only for domains without a configuration
     if interface is None and _stays_on_this_machine():
         interface = LOOPBACK
     if interface is None:

@@ -135,12 +135,12 @@ def test_the_environment_of_ros_2(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("CYCLONEDDS_URI", "ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID"):
         monkeypatch.delenv(name, raising=False)
     assert domain_id_of_environment() == 0
-    assert "lo" not in (domain_configuration(None) or "").split('"')
+    assert "lo" not in domain_configuration(None).split('"')
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    assert 'name="lo"' in (domain_configuration(None) or "")
+    assert 'name="lo"' in domain_configuration(None)
     monkeypatch.setenv("CYCLONEDDS_URI", "file:///etc/cyclone.xml")
-    assert domain_configuration(None) is None
-    assert 'name="lo"' in (domain_configuration("lo") or "")
+    assert domain_configuration(None) == "file:///etc/cyclone.xml"
+    assert 'name="lo"' in domain_configuration("lo")
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
     assert domain_id_of_environment() == 42
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
@@ -151,3 +151,13 @@ def test_the_environment_of_ros_2(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_interface_that_is_not_there(domain: int) -> None:
     with pytest.raises(UsageError, match=r"no network interface loo; did you mean 'lo'\?"):
         Ros2Node(domain, "loo")
+
+
+@pytest.mark.oracle
+def test_the_own_configuration_of_cyclone_is_read(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>")
+    with pytest.raises(
+        AdvpipeError, match=f"^DDS domain {domain} cannot be joined .*CYCLONEDDS_URI"
+    ) as found:
+        Ros2Node(domain)
+    assert "\n" not in str(found.value)
