@@ -45,7 +45,7 @@ def cam_payload_of(station_id: int, stamp_ns: int = BEGIN_NS, speed_mps: float =
             speed_mps=speed_mps,
             length_m=4.5,
             width_m=1.8,
-            longitudinal_acceleration_mps2=0.0,
+            longitudinal_acceleration_mps2=1.0,
             yaw_rate_radps=0.0,
             curvature_per_m=0.0,
         )
@@ -53,7 +53,9 @@ def cam_payload_of(station_id: int, stamp_ns: int = BEGIN_NS, speed_mps: float =
 
 
 def packet_cdr(station_id: int, stamp_ns: int = BEGIN_NS) -> bytes:
-    return udp_packet_cdr(stamp_ns, cam_payload_of(station_id, stamp_ns))
+    """The car gains a metre a second each second."""
+    speed_mps = 10.0 + (stamp_ns - BEGIN_NS) * 1e-9
+    return udp_packet_cdr(stamp_ns, cam_payload_of(station_id, stamp_ns, speed_mps))
 
 
 def fix_cdr(north_m: float, stamp_ns: int = BEGIN_NS, *, is_fix: bool = True) -> bytes:

@@ -101,10 +101,11 @@ class CloudRelay:
         self._waiting.clear()
 
     def _is_in_time(self) -> bool:
-        """Whether the attack on one more cloud is expected to end in time; the first one always tries."""
+        """Whether the attack on one more cloud is expected to end in time; it tries where nothing
+        else is attacked."""
         ahead = sum(one.work is not None and not one.work.done() for one in self._waiting)
         ahead += self._is_working_late()
-        return not ahead or (ahead + 1) * self._attack_s < self._settings.max_latency_s
+        return not ahead or 0 < (ahead + 1) * self._attack_s < self._settings.max_latency_s
 
     def _is_working_late(self) -> bool:
         """Whether the worker is at a cloud that was sent on already."""
