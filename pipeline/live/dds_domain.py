@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import tempfile
 from collections.abc import Callable, Iterator
@@ -19,6 +20,9 @@ from advpipe.pipeline.core.text import one_line
 from advpipe.pipeline.live import MOST_DOMAIN_ID
 
 LOOPBACK = "lo"
+
+_TIME_AND_THREAD = re.compile(r"^[\d.]+ \[\d*\]\s+\S+: ")
+"""Before each line that Cyclone prints."""
 
 _GENERAL = "<MaxMessageSize>65500B</MaxMessageSize>"
 """Fewer, larger datagrams: with Cyclone's default fragments, best effort loses half of the large clouds."""
@@ -107,7 +111,7 @@ def _printed_by_cyclone() -> Iterator[Callable[[], str]]:
         def last_line() -> str:
             file.seek(0)
             lines = file.read().decode(errors="replace").splitlines()
-            return one_line(lines[-1].rpartition(": ")[2]) if lines else ""
+            return one_line(_TIME_AND_THREAD.sub("", lines[-1])) if lines else ""
 
         try:
             yield last_line

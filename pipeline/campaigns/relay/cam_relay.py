@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from advpipe.pipeline.campaigns.relay.cam_attacks import CamAttacks
 from advpipe.pipeline.campaigns.relay.counts import RelayCounts
@@ -86,7 +86,7 @@ class CamRelay:
         """A packet that has come."""
         self.counts.received += 1
         try:
-            packet = typestore().deserialize_cdr(cdr, self._packets.type)
+            packet: Any = typestore().deserialize_cdr(cdr, self._packets.type)
             payload = cam_payload(bytes(packet.data))
         except Exception:  # rosbags fails in any way on bytes that are no packet
             payload = None
@@ -137,20 +137,20 @@ class CamRelay:
             labels.compare(index, attack, before, edited)
         if self._recorder.debug and (claims := claims_message(labels.claims())):
             self._recorder.record(claims[0], claims[1], end_ns)
-        before = {message.number: message for message in sent}
+        by_number = {message.number: message for message in sent}
         for message in sorted(edited, key=lambda one: (one.request_ns, one.number)):
             known = self._remembered.pop(message.number, None)
-            if known is not None and message == before.get(message.number):
+            if known is not None and message == by_number.get(message.number):
                 yield from self._messages(known.cdr, known.payload, UNCHANGED, known.arrival_s, end_ns)
             else:
                 fate, arrival_s = ADDED_BY_ATTACK if known is None else ATTACKED, None
-                if known is not None and message.number in before:
+                if known is not None and message.number in by_number:
                     arrival_s = known.arrival_s
                 elif known is not None:  # held back in an earlier step
                     self.counts.withheld -= 1
                 cdr = udp_packet_cdr(message.request_ns, message.payload)
                 yield from self._messages(cdr, message.payload, fate, arrival_s, end_ns)
-        self.counts.withheld += len(before.keys() - {message.number for message in edited})
+        self.counts.withheld += len(by_number.keys() - {message.number for message in edited})
 
     def _messages(
         self, cdr: bytes, payload: bytes | None, fate: str, arrival_s: float | None, now_ns: int

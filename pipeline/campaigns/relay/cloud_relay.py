@@ -31,6 +31,8 @@ from advpipe.stages.attack.summary import NOT_SCHEDULED
 MOST_WAITING = 32
 """Clouds that wait for an attack, at most: it bounds memory whatever the latency that is allowed."""
 
+_MOST_AHEAD = 4
+
 TOO_LATE = "the attack takes longer than max_latency_s"
 BUSY = "others were being attacked"
 """Why a cloud was not attacked."""
@@ -53,7 +55,9 @@ class CloudRelay:
 
     def __init__(self, settings: RelaySettings, specs: Sequence[AttackSpec], recorder: Recorder) -> None:
         self.counts = RelayCounts()
-        self.topics = (Topic(settings.cloud_topic, "sensor_msgs/msg/PointCloud2", keep_last(5)),)
+        self.topics: tuple[Topic, ...] = (
+            Topic(settings.cloud_topic, "sensor_msgs/msg/PointCloud2", keep_last(5)),
+        )
         self._settings, self._specs, self._recorder = settings, specs, recorder
         self._attacks = scheduled_cloud_attacks(specs, 0, settings.seed)
         self._worker = ThreadPoolExecutor(1, "attack on clouds")
@@ -105,7 +109,9 @@ class CloudRelay:
         else is attacked."""
         ahead = sum(one.work is not None and not one.work.done() for one in self._waiting)
         ahead += self._is_working_late()
-        return not ahead or 0 < (ahead + 1) * self._attack_s < self._settings.max_latency_s
+        if not self._attack_s:  # none has ended yet
+            return ahead < _MOST_AHEAD
+        return not ahead or (ahead + 1) * self._attack_s < self._settings.max_latency_s
 
     def _is_working_late(self) -> bool:
         """Whether the worker is at a cloud that was sent on already."""

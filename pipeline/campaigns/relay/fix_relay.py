@@ -46,7 +46,7 @@ class FixRelay:
             if gnss_traits(GNSS_ATTACKS.find(spec.type)).needs_filter:
                 raise UsageError(f"{spec.type} needs the victim's filter, which a relay does not have")
         self.counts = RelayCounts()
-        self.topics = (Topic(settings.fix_topic, "sensor_msgs/msg/NavSatFix"),)
+        self.topics: tuple[Topic, ...] = (Topic(settings.fix_topic, "sensor_msgs/msg/NavSatFix"),)
         self._settings, self._specs, self._place, self._recorder = settings, specs, place, recorder
         self._vehicle = settings.fix_topic.split("/")[1]
         self._rows: list[dict[str, object]] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -169,7 +169,7 @@ class _Loop:
                 notice(row)
 
 
-def _parts(settings: RelaySettings, families: dict[str, str], recorder: Recorder) -> tuple[RelayPart, ...]:
+def _parts(settings: RelaySettings, families: Mapping[str, str], recorder: Recorder) -> tuple[RelayPart, ...]:
     """One for each family that is attacked; small messages come before clouds."""
     place = MapPlace(settings.origin)
     of = {

@@ -48,7 +48,7 @@ class RelaySettings(Section):
         0.2, gt=0, le=60, description="longest time for which a cloud waits for its attack"
     )
     when_late: Literal["pass", "drop"] = Field(
-        PASS,
+        "pass",
         description="what becomes of a cloud whose attack takes longer, or that comes while another one is "
         "attacked: it passes unchanged, or is dropped",
     )
