@@ -132,7 +132,10 @@ class CamRelay:
         step = V2xStep(begin_ns, end_ns, radios, tuple(sent))
         labels.begin(step.sent)
         edited: Sequence[Sent] = list(sent)
+        present = {radio.station_id for radio in radios}
         for index, attack in enumerate(attacks.built):
+            if present.isdisjoint(attack.context.attackers):
+                continue
             before, edited = edited, list(attack.edit(step, edited))
             labels.compare(index, attack, before, edited)
         if self._recorder.debug and (claims := claims_message(labels.claims())):

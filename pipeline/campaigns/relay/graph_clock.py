@@ -55,5 +55,5 @@ class GraphClock:
         else:
             tick_ns, at_ns = self._tick
             now_ns = tick_ns + min(self._monotonic_ns() - at_ns, _LONGEST_GAP_NS)
-        self._last_ns = now_ns if self._tick and not self._last_ns else max(self._last_ns, now_ns)
+        self._last_ns = max(self._last_ns, now_ns)
         return self._last_ns
