@@ -148,7 +148,7 @@ def test_a_topic_of_another_type(tmp_path: Path) -> None:
         play(domain)
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert without_progress(errors) == (
+    assert without_progress(errors).endswith(  # after the notice that nobody publishes it yet
         "advpipe: /ego/lidar/points is published as sensor_msgs::msg::dds_::PointCloud2_, "
         "not sensor_msgs/msg/NavSatFix\n"
     )
