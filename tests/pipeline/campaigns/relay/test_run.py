@@ -134,6 +134,7 @@ def test_it_waits_for_publishers_and_ends_after_its_duration(tmp_path: Path) -> 
     assert (tmp_path / "out" / "metadata.yaml").is_file()
 
 
+@pytest.mark.nightly
 @pytest.mark.oracle
 def test_a_topic_of_another_type(tmp_path: Path) -> None:
     """Clouds where fixes should be."""
