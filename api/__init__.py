@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from advpipe.commands.evaluate import evaluate as evaluate
     from advpipe.commands.import_drive import import_drive as import_drive
     from advpipe.commands.play import play as play
+    from advpipe.commands.relay import relay as relay
     from advpipe.commands.simulate import simulate as simulate
     from advpipe.commands.sweep import sweep as sweep
     from advpipe.commands.train import train as train
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.attack_detection.base import Suspicion as Suspicion
     from advpipe.pipeline.bag.frames import Frame as Frame
     from advpipe.pipeline.bag.reader import BagReader as BagReader
+    from advpipe.pipeline.campaigns.relay.summary import RelaySummary as RelaySummary
     from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
     from advpipe.pipeline.core.errors import AdvpipeError as AdvpipeError
     from advpipe.pipeline.core.errors import UsageError as UsageError
@@ -131,6 +133,7 @@ _NAMES_OF = {
     "commands.evaluate": ("evaluate",),
     "commands.import_drive": ("import_drive",),
     "commands.play": ("play",),
+    "commands.relay": ("relay",),
     "commands.simulate": ("simulate",),
     "commands.sweep": ("sweep",),
     "commands.train": ("train",),
@@ -140,6 +143,7 @@ _NAMES_OF = {
     ),
     "pipeline.bag.frames": ("Frame",),
     "pipeline.bag.reader": ("BagReader",),
+    "pipeline.campaigns.relay.summary": ("RelaySummary",),
     "pipeline.campaigns.sweep.run": ("SweepReport",),
     "pipeline.core.errors": ("AdvpipeError", "UsageError"),
     "pipeline.core.seeding": ("named_generator",),

@@ -20,10 +20,13 @@ def new_domain() -> int:
 
 
 @contextmanager
-def dds_subscriber(domain: int, *topics: tuple[str, str, str], slow_s: float = 0) -> Iterator[Any]:
+def dds_subscriber(
+    domain: int, *topics: tuple[str, str, str], slow_s: float = 0, security: str = "", patience_s: float = 60
+) -> Iterator[Any]:
     """A subscriber in another process; yields a function that waits for its end and returns what it saw."""
     wanted = [word for topic in topics for word in ("--topic", *topic)]
     command = [sys.executable, str(SUBSCRIBER), str(domain), *wanted, "--slow", str(slow_s)]
+    command += ["--security", security, "--patience", str(patience_s)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline()) == {"ready": True}

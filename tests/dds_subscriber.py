@@ -94,8 +94,10 @@ def main() -> None:
     parser.add_argument("--topic", nargs=3, action="append", metavar=("NAME", "TYPE", "QOS"), default=[])
     parser.add_argument("--idle", type=float, default=3.0, help="Ends so long after the last sample.")
     parser.add_argument("--slow", type=float, default=0.0, help="Reads nothing for so long.")
+    parser.add_argument("--patience", type=float, default=60.0, help="Ends so long after no first sample.")
+    parser.add_argument("--security", default="", help="The section of Cyclone's configuration.")
     given = parser.parse_args()
-    domain = Domain(given.domain, LOOPBACK)
+    domain = Domain(given.domain, LOOPBACK.replace("</Domain>", f"{given.security}</Domain>"))
     participant = DomainParticipant(given.domain)
     found = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
     readers = {}
@@ -115,7 +117,7 @@ def main() -> None:
     time.sleep(given.slow)
     publications: dict[str, dict[str, Any]] = {}
     last_s, is_first = time.monotonic(), True
-    while time.monotonic() - last_s < (60 if is_first else given.idle):
+    while time.monotonic() - last_s < (given.patience if is_first else given.idle):
         waiting.wait(duration(milliseconds=100))
         for name, reader in readers.items():
             for sample in reader.take(20):
@@ -135,4 +137,5 @@ def main() -> None:
     del domain
 
 
-main()
+if __name__ == "__main__":
+    main()

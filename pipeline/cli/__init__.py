@@ -20,6 +20,7 @@ from advpipe.pipeline.cli.figures import figures_command
 from advpipe.pipeline.cli.import_ import import_command
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.play import play_command
+from advpipe.pipeline.cli.relay import relay_command
 from advpipe.pipeline.cli.run import run
 from advpipe.pipeline.cli.schema import schema_command
 from advpipe.pipeline.cli.share import share_command
@@ -61,6 +62,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "plot": plot,
     "view": view_command,
     "play": play_command,
+    "relay": relay_command,
     "recover": recover_command,
     "clean": clean,
     "verify": verify_command,

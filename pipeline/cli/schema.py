@@ -1,4 +1,4 @@
-"""The command that prints the JSON Schemas of scenario files and of reports."""
+"""The command that prints the JSON Schemas of scenario files, of reports, and of the files of `relay`."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ class SchemaKind(str, Enum):
 
     scenario = "scenario"
     report = "report"
+    relay = "relay"
 
 
 @with_progress("making the schema", at_once=False)
 def schema_command(
     of: Annotated[
-        SchemaKind, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")
+        SchemaKind,
+        typer.Option("--of", help="Scenario files, the report.json of `evaluate`, or files of `relay`."),
     ] = SchemaKind.scenario,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """The JSON Schema of scenario files, for editors and checkers; or that of reports.
+    """The JSON Schema of scenario files, for editors and checkers; or that of reports or relay files.
 
     Editors with a YAML language server complete and check a scenario that starts with the line
     `# yaml-language-server: $schema=FILE`.
@@ -39,13 +41,18 @@ def schema_command(
     from advpipe.pipeline.results.schema import report_schema_json
     from advpipe.pipeline.scenario.schema import schema_json
 
-    text = report_schema_json() if of is SchemaKind.report else schema_json()
+    if of is SchemaKind.relay:
+        from advpipe.pipeline.campaigns.relay.settings import relay_schema_json
+
+        text = relay_schema_json()
+    else:
+        text = report_schema_json() if of is SchemaKind.report else schema_json()
     if out is None:
         return Answer(json.loads(text), print_line(text))
     write_new(out, f"{text}\n", overwrite)
     used = (
         typed("evaluate", "--json")
         if of is SchemaKind.report
-        else f"# yaml-language-server: $schema={out}    (as the first line of a scenario)"
+        else f"# yaml-language-server: $schema={out}    (as the first line of the file)"
     )
     return Answer({"schema": out}, lambda: None, made={"schema": out}, next_commands=[used])

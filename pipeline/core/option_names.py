@@ -13,6 +13,7 @@ _FLAGS = {
     "start_s": "start",
     "clock_hz": "clock",
     "delay_s": "delay",
+    "duration_s": "duration",
 }
 """Options whose flag is not the Python name with dashes."""
 

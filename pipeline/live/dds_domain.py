@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import tempfile
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.qos import Policy, Qos
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.nearest import known_names
@@ -19,8 +21,17 @@ from advpipe.pipeline.live import MOST_DOMAIN_ID
 
 LOOPBACK = "lo"
 
+_TIME_AND_THREAD = re.compile(r"^[\d.]+ \[\d*\]\s+\S+: ")
+"""Before each line that Cyclone prints."""
+
 _GENERAL = "<MaxMessageSize>65500B</MaxMessageSize>"
 """Fewer, larger datagrams: with Cyclone's default fragments, best effort loses half of the large clouds."""
+
+_RECEIVING = '<Internal><SocketReceiveBufferSize max="4MB"/></Internal>'
+"""As large as the system allows, up to this: a cloud is some dozens of datagrams that come at once."""
+
+_USER_DATA = b"enclave=/;"
+"""By which ROS 2 recognises a participant of its own."""
 
 _LOCAL_DISCOVERY = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60"
@@ -37,18 +48,18 @@ def domain_id_of_environment() -> int:
     return int(text)
 
 
-def domain_configuration(interface: str | None) -> str | None:
-    """Cyclone's configuration; None where the user's own, CYCLONEDDS_URI, is to be read.
+def domain_configuration(interface: str | None) -> str:
+    """Cyclone's configuration: files or XML texts, the user's own of CYCLONEDDS_URI if no interface is named.
 
     interface: None for Cyclone's choice, or for the loopback where ROS 2 is told to stay on this machine.
     Raises UsageError for an interface that this machine lacks.
     """
-    if interface is None and os.environ.get("CYCLONEDDS_URI"):
-        return None
+    if interface is None and (own := os.environ.get("CYCLONEDDS_URI")):
+        return own  # which Cyclone reads by itself only for domains without a configuration
     if interface is None and _stays_on_this_machine():
         interface = LOOPBACK
     if interface is None:
-        return f"<CycloneDDS><Domain><General>{_GENERAL}</General></Domain></CycloneDDS>"
+        return f"<CycloneDDS><Domain><General>{_GENERAL}</General>{_RECEIVING}</Domain></CycloneDDS>"
     names = [name for _, name in socket.if_nameindex()]
     if interface not in names:
         raise UsageError(
@@ -59,7 +70,7 @@ def domain_configuration(interface: str | None) -> str | None:
     chosen = f"<Interfaces><NetworkInterface name={quoteattr(interface)}{multicast}/></Interfaces>"
     return (
         f"<CycloneDDS><Domain><General>{chosen}{_GENERAL}</General>"
-        f"{_LOCAL_DISCOVERY if is_loopback else ''}</Domain></CycloneDDS>"
+        f"{_RECEIVING}{_LOCAL_DISCOVERY if is_loopback else ''}</Domain></CycloneDDS>"
     )
 
 
@@ -71,7 +82,7 @@ class DdsDomain:
         with _printed_by_cyclone() as printed:
             try:
                 self._domain = Domain(domain_id, configuration)
-                self.participant = DomainParticipant(domain_id)
+                self.participant = DomainParticipant(domain_id, qos=Qos(Policy.Userdata(_USER_DATA)))
             except DDSException as error:
                 reason = printed() or one_line(error)
                 where = f"interface {interface}" if interface else "a network interface"
@@ -100,7 +111,7 @@ def _printed_by_cyclone() -> Iterator[Callable[[], str]]:
         def last_line() -> str:
             file.seek(0)
             lines = file.read().decode(errors="replace").splitlines()
-            return one_line(lines[-1].rpartition(": ")[2]) if lines else ""
+            return one_line(_TIME_AND_THREAD.sub("", lines[-1])) if lines else ""
 
         try:
             yield last_line

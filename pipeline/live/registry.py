@@ -19,7 +19,7 @@ def open_publisher(
 ) -> tuple[str, Publisher]:
     """Where it publishes, in words, and the publisher; the library is loaded of the one that is named.
 
-    domain, interface: for ROS 2, see `Ros2Publisher`; by default as in its environment. port: for Foxglove.
+    domain, interface: for ROS 2, see `Ros2Node`; by default as in its environment. port: for Foxglove.
     """
     check_publisher_name(name)
     if name == FOXGLOVE:
@@ -30,6 +30,7 @@ def open_publisher(
     assert name == ROS2
     from advpipe.pipeline.live.dds_domain import domain_id_of_environment
     from advpipe.pipeline.live.ros2 import Ros2Publisher
+    from advpipe.pipeline.live.ros2_node import Ros2Node
 
     number = domain_id_of_environment() if domain is None else domain
-    return f"ROS 2 domain {number}", Ros2Publisher(number, interface)
+    return f"ROS 2 domain {number}", Ros2Publisher(Ros2Node(number, interface))

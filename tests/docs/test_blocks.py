@@ -20,6 +20,7 @@ import typer
 import yaml
 
 from advpipe.commands.attackers import attackers_section
+from advpipe.pipeline.campaigns.relay.settings import load_relay_settings
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.cli.attack import given_parameters
 from advpipe.pipeline.scenario import load_scenario
@@ -101,6 +102,13 @@ def test_documents_load(block: blocks.Block, tmp_path: Path) -> None:
     scenario = load_scenario(str(tmp_path / "scenario.yaml"))
     for specs in scenario.attacks.values():
         AttackRequest(specs).check()
+
+
+def test_the_file_of_a_relay_loads(tmp_path: Path) -> None:
+    """With its attacks, as the command checks them."""
+    (block,) = [one for one in blocks.of("yaml") if one.file_name == "relay.yaml"]
+    (tmp_path / "relay.yaml").write_text(block.text, encoding="utf-8")
+    AttackRequest(load_relay_settings(tmp_path / "relay.yaml").attacks).check()
 
 
 def test_examples_import_from_advpipe_alone() -> None:

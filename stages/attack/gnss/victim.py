@@ -81,7 +81,7 @@ def _spoof_vehicle(reader: BagReader, recorded: RecordedFilter, schedule: Spoofi
     for measured in read_measurements(reader, topics):
         while raw is not None and raw.log_time_ns <= measured.stamp_ns:
             predict_innovation = _innovation_predictor(estimator, measured)
-            fix, record = _spoof_fix(
+            fix, record = spoof_fix(
                 raw, reader.decode(raw), schedule, geodesy, heading_rad, predict_innovation
             )
             fixes.append(fix)
@@ -110,7 +110,7 @@ def _innovation_predictor(estimator: Estimator, measured: Measurements) -> Calla
     return predict_innovation
 
 
-def _spoof_fix(
+def spoof_fix(
     raw: RawMessage,
     message: Any,
     schedule: SpoofingSchedule,
@@ -118,6 +118,8 @@ def _spoof_fix(
     heading_rad: float,
     predict_innovation: Callable[[Float64], Innovation],
 ) -> tuple[RawMessage, FixRecord]:
+    """The fix that the schedule makes of a true one, and what was done; the message itself where nothing
+    was."""
     stamp_ns = build.stamp_ns(message)
     covariance_m2 = np.array(message.position_covariance, dtype=np.float64).reshape(3, 3)
     true_geographic = np.array([message.latitude, message.longitude, message.altitude])

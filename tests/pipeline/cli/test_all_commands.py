@@ -51,6 +51,7 @@ REFUSED = {
     "share": ["share", "{drive}", "-o", "{out}/\x1b"],
     "view": ["view", "{drive}/nowhere\x1b"],
     "play": ["play", "{drive}/nowhere\x1b", "--ros2"],
+    "relay": ["relay", "--attack", "{drive}/nowhere\x1b", "--ros2", "--domain", "9", "-o", "{out}/l"],
     "figures": ["figures", "{drive}/nowhere\x1b"],
     "attack": ["attack", "{drive}", "--type", "explode\x1b\u202e"],
     "inspect": ["inspect", "{drive}/nowhere\x1b"],

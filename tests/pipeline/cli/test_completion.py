@@ -36,7 +36,7 @@ import pytest
         ("advpipe export --format nu", ["nuscenes"]),
         ("advpipe plot --format s", ["svg"]),
         ("advpipe figures --format p", ["pdf", "png"]),
-        ("advpipe schema --of r", ["report"]),
+        ("advpipe schema --of r", ["report", "relay"]),
     ],
 )
 def test_values_are_completed(typed: str, expected: list[str]) -> None:

@@ -33,6 +33,7 @@ FIRST_WORDS = {
     "plot": (["d"], "drawing d ..."),
     "view": (["d"], "viewing d ..."),
     "play": (["d", "--ros2"], "playing d ..."),
+    "relay": (["--attack", "d", "--ros2", "--domain", "9"], "relaying by d ..."),
     "recover": (["d"], "recovering d ..."),
     "verify": (["d"], "verifying d ..."),
 }

@@ -20,7 +20,9 @@ from advpipe.pipeline.messages.types import schema_text, type_hash
 pytest.importorskip("cyclonedds")
 
 from advpipe.pipeline.live.dds_domain import domain_configuration, domain_id_of_environment
-from advpipe.pipeline.live.ros2 import BLOCK_S, Ros2Publisher, dds_topic_name
+from advpipe.pipeline.live.ros2 import Ros2Publisher, dds_topic_name
+from advpipe.pipeline.live.ros2_node import Ros2Node
+from advpipe.pipeline.live.writer_qos import BLOCK_S
 
 SAMPLE = shipped_sample() / "clean"
 NAMES = ("/clock", "/scenario/info", "/ego/lidar/points")
@@ -47,7 +49,7 @@ def wait_for_subscribers(publisher: Ros2Publisher, *names: str) -> None:
 def test_another_process_receives_what_rosbags_reads(domain: int) -> None:
     """Types, QoS and hashes are those that it finds on the network, and latched topics wait for it."""
     raws = list(BagReader(SAMPLE).raw_messages(NAMES))
-    publisher = Ros2Publisher(domain, "lo")
+    publisher = Ros2Publisher(Ros2Node(domain, "lo"))
     for raw in {raw.topic.name: raw for raw in raws}.values():
         publisher.advertise(PublishedTopic(raw.topic, raw.schema))
     latched = [raw for raw in raws if raw.topic.name == "/scenario/info"]
@@ -92,7 +94,7 @@ def test_another_process_receives_what_rosbags_reads(domain: int) -> None:
 def test_a_subscriber_that_takes_nothing_costs_neither_time_nor_memory(domain: int) -> None:
     """185 MB of clouds, of which the topic's history keeps five."""
     (raw, *_) = BagReader(SAMPLE).raw_messages(["/ego/lidar/points"])
-    publisher = Ros2Publisher(domain, "lo")
+    publisher = Ros2Publisher(Ros2Node(domain, "lo"))
     publisher.advertise(PublishedTopic(raw.topic, raw.schema))
     with dds_subscriber(domain, ("rt/ego/lidar/points", "cloud", "reliable"), slow_s=60):
         wait_for_subscribers(publisher, raw.topic.name)
@@ -108,7 +110,7 @@ def test_a_subscriber_that_takes_nothing_costs_neither_time_nor_memory(domain: i
 
 @pytest.mark.oracle
 def test_bytes_that_are_not_of_the_type(domain: int) -> None:
-    publisher = Ros2Publisher(domain, "lo")
+    publisher = Ros2Publisher(Ros2Node(domain, "lo"))
     string = Topic("/words", "std_msgs/msg/String")
     publisher.advertise(PublishedTopic(string, schema_text(string.type)))
     with pytest.raises(AdvpipeError, match=r"^a message of /words at 7 ns is not a valid std_msgs"):
@@ -118,7 +120,7 @@ def test_bytes_that_are_not_of_the_type(domain: int) -> None:
 
 @pytest.mark.oracle
 def test_a_name_that_dds_refuses(domain: int) -> None:
-    publisher = Ros2Publisher(domain, "lo")
+    publisher = Ros2Publisher(Ros2Node(domain, "lo"))
     topic = Topic("/two words", "std_msgs/msg/String")
     with pytest.raises(UnpublishableTypeError, match=r"^/two words cannot be published to ROS 2: DDS"):
         publisher.advertise(PublishedTopic(topic, schema_text(topic.type)))
@@ -133,12 +135,12 @@ def test_the_environment_of_ros_2(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("CYCLONEDDS_URI", "ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID"):
         monkeypatch.delenv(name, raising=False)
     assert domain_id_of_environment() == 0
-    assert "lo" not in (domain_configuration(None) or "").split('"')
+    assert "lo" not in domain_configuration(None).split('"')
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    assert 'name="lo"' in (domain_configuration(None) or "")
+    assert 'name="lo"' in domain_configuration(None)
     monkeypatch.setenv("CYCLONEDDS_URI", "file:///etc/cyclone.xml")
-    assert domain_configuration(None) is None
-    assert 'name="lo"' in (domain_configuration("lo") or "")
+    assert domain_configuration(None) == "file:///etc/cyclone.xml"
+    assert 'name="lo"' in domain_configuration("lo")
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
     assert domain_id_of_environment() == 42
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
@@ -148,4 +150,14 @@ def test_the_environment_of_ros_2(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_an_interface_that_is_not_there(domain: int) -> None:
     with pytest.raises(UsageError, match=r"no network interface loo; did you mean 'lo'\?"):
-        Ros2Publisher(domain, "loo")
+        Ros2Node(domain, "loo")
+
+
+@pytest.mark.oracle
+def test_the_own_configuration_of_cyclone_is_read(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>")
+    with pytest.raises(
+        AdvpipeError, match=f"^DDS domain {domain} cannot be joined .*CYCLONEDDS_URI"
+    ) as found:
+        Ros2Node(domain)
+    assert "\n" not in str(found.value)

@@ -1,0 +1,180 @@
+"""Relays clouds in their order; each waits for its attack for a limited time."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+from advpipe.pipeline.campaigns.relay.cloud_attacks import (
+    AttackedCloud,
+    ScheduledCloudAttack,
+    scheduled_cloud_attacks,
+)
+from advpipe.pipeline.campaigns.relay.counts import RelayCounts
+from advpipe.pipeline.campaigns.relay.outgoing import ATTACKED, LATE, UNCHANGED, OutgoingMessage
+from advpipe.pipeline.campaigns.relay.recorder import Recorder
+from advpipe.pipeline.campaigns.relay.settings import DROP, RelaySettings
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.verbosity import notice
+from advpipe.pipeline.labels.clouds import LabelledFrame
+from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.qos import keep_last
+from advpipe.pipeline.messages.cloud import cloud_from_cdr
+from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.debug import touched_cloud
+from advpipe.stages.attack.lidar.base import LidarResult, unchanged
+from advpipe.stages.attack.summary import NOT_SCHEDULED
+
+MOST_WAITING = 32
+"""Clouds that wait for an attack, at most: it bounds memory whatever the latency that is allowed."""
+
+_MOST_AHEAD = 4
+
+TOO_LATE = "the attack takes longer than max_latency_s"
+BUSY = "others were being attacked"
+"""Why a cloud was not attacked."""
+
+
+@dataclass
+class _Waiting:
+    number: int
+    cdr: bytes
+    time_ns: int
+    arrival_s: float
+    attack: str = ""
+    work: Future[AttackedCloud] | None = None
+    was_begun: bool = False
+    is_late: bool = False
+
+
+class CloudRelay:
+    """The attacks work in a thread of their own, one cloud after the other, so that others need not wait."""
+
+    def __init__(self, settings: RelaySettings, specs: Sequence[AttackSpec], recorder: Recorder) -> None:
+        self.counts = RelayCounts()
+        self.topics: tuple[Topic, ...] = (
+            Topic(settings.cloud_topic, "sensor_msgs/msg/PointCloud2", keep_last(5)),
+        )
+        self._settings, self._specs, self._recorder = settings, specs, recorder
+        self._attacks = scheduled_cloud_attacks(specs, 0, settings.seed)
+        self._worker = ThreadPoolExecutor(1, "attack on clouds")
+        self._attack_s = 0.0
+        self._late_work: Future[AttackedCloud] | None = None
+        self._waiting = deque[_Waiting]()
+        self._complained: set[str] = set()
+
+    def begin(self, start_ns: int) -> None:
+        """Schedules count from here."""
+        self._attacks = scheduled_cloud_attacks(self._specs, start_ns, self._settings.seed)
+
+    def take(self, cdr: bytes, now_ns: int, arrival_s: float) -> None:
+        """A cloud that has come."""
+        one = _Waiting(self.counts.received, cdr, now_ns, arrival_s)
+        self.counts.received += 1
+        if (attack := self._active(now_ns)) is not None:
+            one.attack = attack.name
+            if self._is_in_time():
+                one.work = self._worker.submit(self._attack, attack, one.number, cdr)
+                one.was_begun = True
+            else:
+                one.is_late = True
+                self._complain(BUSY)
+        self._waiting.append(one)
+
+    def due(self, now_ns: int, now_s: float) -> Iterator[OutgoingMessage]:
+        """The clouds that are to be sent by now."""
+        while self._waiting:
+            one = self._waiting[0]
+            if one.work is not None and not one.work.done():
+                is_crowded = len(self._waiting) > MOST_WAITING
+                if now_s - one.arrival_s < self._settings.max_latency_s and not is_crowded:
+                    return
+                if not one.work.cancel():
+                    self._late_work = one.work
+                one.work, one.is_late = None, True
+                self._complain(TOO_LATE)
+            self._waiting.popleft()
+            yield from self._sent(one)
+
+    def end(self) -> None:
+        """Wait for the attack that is going on; clouds that still wait for theirs are not sent any more."""
+        self._worker.shutdown(cancel_futures=True)
+        self._waiting.clear()
+
+    def _is_in_time(self) -> bool:
+        """Whether the attack on one more cloud is expected to end in time; it tries where nothing
+        else is attacked."""
+        ahead = sum(one.work is not None and not one.work.done() for one in self._waiting)
+        ahead += self._is_working_late()
+        if not self._attack_s:  # none has ended yet
+            return ahead < _MOST_AHEAD
+        return not ahead or (ahead + 1) * self._attack_s < self._settings.max_latency_s
+
+    def _is_working_late(self) -> bool:
+        """Whether the worker is at a cloud that was sent on already."""
+        return self._late_work is not None and not self._late_work.done()
+
+    def _attack(self, attack: ScheduledCloudAttack, number: int, cdr: bytes) -> AttackedCloud:
+        """In the worker's thread."""
+        begin_s = time.monotonic()
+        attacked = attack(number, cdr, self._settings.seed)
+        self._attack_s = time.monotonic() - begin_s
+        return attacked
+
+    def _active(self, now_ns: int) -> ScheduledCloudAttack | None:
+        return next((attack for attack in self._attacks if attack.is_active(now_ns)), None)
+
+    def _sent(self, one: _Waiting) -> Iterator[OutgoingMessage]:
+        (topic,) = self.topics
+        if one.work is not None:
+            try:
+                attacked = one.work.result()
+            except AdvpipeError as error:
+                self._complain(f"{topic.name}: {error}; it passes unchanged")
+            else:
+                is_touched = len(attacked.result.labels) > 0
+                fate = ATTACKED if is_touched else UNCHANGED
+                yield OutgoingMessage(topic, attacked.cdr, fate, one.arrival_s)
+                self._recorder.call(lambda: self._label(one, attacked))
+                return
+        if one.is_late and self._settings.when_late == DROP:
+            self.counts.withheld += 1
+        else:
+            fate = LATE if one.is_late else UNCHANGED
+            yield OutgoingMessage(topic, one.cdr, fate, one.arrival_s)
+        note = (TOO_LATE if one.was_begun else BUSY) if one.is_late else "" if one.attack else NOT_SCHEDULED
+        self._recorder.call(lambda: self._label_unchanged(one, note))
+
+    def _label(self, one: _Waiting, attacked: AttackedCloud) -> None:
+        """In the recorder's thread."""
+        clean, result = attacked.clean, attacked.result
+        row = LabelledFrame(
+            *(self.topics[0].name, one.number, one.attack, clean, len(result.cloud)),
+            *(result.loss_before, result.loss_after, result.note),
+        )
+        self._recorder.point_tables.add(row, result.labels)
+        if len(result.labels) and self._recorder.debug:
+            topic, cdr = touched_cloud(self.topics[0].name, clean, result)
+            self._recorder.write(topic, cdr, one.time_ns)
+
+    def _label_unchanged(self, one: _Waiting, note: str) -> None:
+        try:
+            clean = cloud_from_cdr(one.cdr)
+        except AdvpipeError:
+            return
+        result: LidarResult = unchanged(clean.cloud, note)
+        row = LabelledFrame(self.topics[0].name, one.number, "", clean, len(clean.cloud), note=result.note)
+        self._recorder.point_tables.add(row, result.labels)
+
+    def _complain(self, text: str) -> None:
+        """Say once that something goes wrong."""
+        if text in self._complained:
+            return
+        self._complained.add(text)
+        if text in (BUSY, TOO_LATE):
+            becomes = "dropped" if self._settings.when_late == DROP else "passed on unchanged"
+            text = f"{self.topics[0].name}: this machine does not keep up; some clouds are {becomes} ({text})"
+        notice(text)

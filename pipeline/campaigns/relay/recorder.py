@@ -1,0 +1,80 @@
+"""Records what was sent, with labels, in a thread of its own, so that nothing waits for the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from queue import Full, Queue
+from threading import Thread
+from types import TracebackType
+
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.labels.clouds import PointTables
+from advpipe.pipeline.mcap.channel import Topic
+
+MOST_TASKS = 100
+"""Tasks in wait; with clouds of 80,000 points, some 180 MB."""
+
+
+class Recorder:
+    """Does tasks in their order while the caller goes on.
+
+    bag: open for writing; nobody else may use it meanwhile. debug: whether it is to have debug topics.
+    lost: how many messages and labels were not recorded since the disk was too slow.
+    """
+
+    def __init__(self, bag: BagWriter, *, debug: bool, has_clouds: bool) -> None:
+        self.debug, self.lost, self.recorded = debug, 0, 0
+        self._bag = bag
+        self._tables = PointTables(bag.folder) if has_clouds else None
+        self._tasks: Queue[Callable[[], None] | None] = Queue(MOST_TASKS)
+        self._error: BaseException | None = None
+        self._thread = Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._tasks.put(None)
+        self._thread.join()
+        if self._tables is not None:
+            self._tables.__exit__(None, None, None)
+        if kind is None:
+            self._raise()
+
+    @property
+    def point_tables(self) -> PointTables:
+        """The labels of clouds, for tasks alone."""
+        assert self._tables is not None
+        return self._tables
+
+    def call(self, task: Callable[[], None]) -> None:
+        """Do this later. Raises what an earlier task raised, such as AdvpipeError for a full disk."""
+        self._raise()
+        try:
+            self._tasks.put_nowait(task)
+        except Full:
+            self.lost += 1
+
+    def record(self, topic: Topic, cdr: bytes, time_ns: int) -> None:
+        """Write a message later."""
+        self.call(lambda: self.write(topic, cdr, time_ns))
+
+    def write(self, topic: Topic, cdr: bytes, time_ns: int) -> None:
+        """Write a message; for tasks alone."""
+        self._bag.write_cdr(topic, cdr, time_ns)
+        self.recorded += 1
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def _work(self) -> None:
+        while (task := self._tasks.get()) is not None:
+            if self._error is None:
+                try:
+                    task()
+                except BaseException as error:  # raised where the recorder is used
+                    self._error = error
