@@ -20,6 +20,7 @@ from advpipe.pipeline.misbehaviour import checks
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig, Expectation
 from advpipe.pipeline.misbehaviour.track import Track
+from advpipe.pipeline.misbehaviour.verdicts import CheckVerdicts, Verdicts
 
 
 class Judgement(NamedTuple):
@@ -43,10 +44,10 @@ class _StationMemory:
     suspect: Track | None = None
 
 
-class MisbehaviourDetector:
+class OnlineDetector:
     """Keeps a receiver's memory of all stations; `judge` takes one message after the other.
 
-    >>> detector = MisbehaviourDetector(config)
+    >>> detector = OnlineDetector(config)
     >>> statistics, is_flagged = detector.judge(claim, receiver)
     """
 
@@ -202,12 +203,38 @@ def judge_all(
     claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle], config: DetectorConfig
 ) -> Judgement:
     """Check all messages of one receiver, in order of arrival, with the receiver's own pose at each."""
-    detector = MisbehaviourDetector(config)
+    detector = OnlineDetector(config)
     statistics = np.full((len(claims), len(CHECKS)), np.nan)
     flagged = np.zeros(len(claims), bool)
     for row, (claim, receiver) in enumerate(zip(claims, receivers, strict=True)):
         statistics[row], flagged[row] = detector.judge(claim, receiver)
     return Judgement(statistics, flagged)
+
+
+class PlausibilityDetector:
+    """Our checks as a misbehaviour detector.
+
+    The score of a message is the largest ratio of a check's statistic to its threshold: above 1 it is
+    flagged. What later messages are compared with depends on what was flagged, at the thresholds of the
+    settings.
+    """
+
+    def __init__(self, config: DetectorConfig | None = None) -> None:
+        self.config = config or DetectorConfig()
+
+    def judge(self, claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle]) -> Verdicts:
+        found = judge_all(claims, receivers, self.config)
+        triggered = found.triggered(self.config)
+        limits = np.array([self.config.thresholds.get(name, math.inf) for name in CHECKS])
+        ratios = np.nan_to_num(found.statistics / limits, nan=0.0, posinf=np.finfo(float).max)
+        return Verdicts(
+            ratios.max(axis=1, initial=0.0),
+            found.flagged,
+            {
+                name: CheckVerdicts(found.statistics[:, number], triggered[:, number])
+                for number, name in enumerate(CHECKS)
+            },
+        )
 
 
 def _fit(claim: Claim, last: Claim, expected: Expectation) -> float:

@@ -31,7 +31,7 @@ THRESHOLDS: dict[str, float] = {
 
 PARDON_S: float = 30
 
-CATCH: dict[str, float] = {
+CATCH_BOUNDED: dict[str, float] = {
     "max_range_m": 876.3,
     "max_speed_mps": 38.44,
     "max_acceleration_mps2": 7.87,
@@ -45,4 +45,20 @@ CATCH: dict[str, float] = {
     "margin_down_m": 1.354,
     "off_road_speed_mps": 0.8904,
 }
-"""Parameters of the baseline, by the names of `catch.CatchParameters`."""
+"""Parameters of the baseline, by the names of `catch.CatchParameters`, with the bound on false positives."""
+
+CATCH_F1: dict[str, float] = {
+    "max_range_m": 876.3,
+    "max_speed_mps": 38.44,
+    "max_acceleration_mps2": 7.87,
+    "max_deceleration_mps2": 7.718,
+    "max_heading_change_rad": 1.37,
+    "max_intersection_s": 1.243,
+    "max_time_s": 4.822,
+    "max_off_road_m": 1.957,
+    "heading_time_s": 0.6341,
+    "margin_up_m": 0.482,
+    "margin_down_m": 1.354,
+    "off_road_speed_mps": 0.8904,
+}
+"""The same, tuned for F1 without that bound."""

@@ -11,7 +11,7 @@ import pytest
 
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
-from advpipe.pipeline.misbehaviour.detector import MisbehaviourDetector, judge_all
+from advpipe.pipeline.misbehaviour.detector import OnlineDetector, judge_all
 
 Make = Callable[..., Claim]
 SIGMAS = ("position_speed", "drift", "heading", "turn", "acceleration", "impulse")
@@ -173,7 +173,7 @@ def test_unknown_checks_are_refused() -> None:
 
 def test_a_flood_of_names_is_forgotten(make: Make, ego: ReceivingVehicle) -> None:
     """100 s of a new station each 0.1 s: none is kept for more than twice `memory_s`."""
-    detector, most = MisbehaviourDetector(CONFIG), 0
+    detector, most = OnlineDetector(CONFIG), 0
     for nth in range(1000):
         detector.judge(make(0.1 * nth, 1000 + nth), ego)
         most = max(most, len(detector._stations))
