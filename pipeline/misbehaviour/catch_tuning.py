@@ -24,7 +24,7 @@ from advpipe.pipeline.misbehaviour.tuning import (
     tuning_score,
 )
 
-DRAWS, REFINEMENTS = 300, 200
+DRAWS, REFINEMENTS = 200, 100
 """Parameters drawn anywhere, and then near the best ones."""
 _CHANGED_SHARE, _CHANGE = 0.3, 0.1
 
