@@ -122,7 +122,9 @@ def _log(bag: Path, out: Path | None, overwrite: bool) -> Answer:
         source = resolve_bag(bag)
         if is_dataset(bag) and (attacked := adversarial_bags(bag)):
             source = attacked[0]  # the clean bag lacks the false beacons
-    written = export_log(source, out or bag_named(bag).with_name(f"{bag_named(bag).name}-log"), overwrite=overwrite)
+    written = export_log(
+        source, out or bag_named(bag).with_name(f"{bag_named(bag).name}-log"), overwrite=overwrite
+    )
 
     def show() -> None:
         print(f"{counted(written.files, 'file')}, {counted(written.records, 'record')}")

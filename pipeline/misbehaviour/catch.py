@@ -228,7 +228,9 @@ def _position(now: dict[str, Float64], p: CatchParameters) -> Float64:
     radius, spare_m = now["position_m"], p.max_off_road_m - now["off_road_m"]
     share = segment_area(radius, radius + spare_m) / (np.pi * radius**2)
     share = np.where(radius > 0, share, (spare_m >= 0).astype(np.float64))
-    share = np.where(spare_m >= radius, 1.0, np.where(spare_m <= -radius, np.where(radius > 0, 0.0, share), share))
+    share = np.where(
+        spare_m >= radius, 1.0, np.where(spare_m <= -radius, np.where(radius > 0, 0.0, share), share)
+    )
     share = np.where(np.isnan(spare_m), np.nan, share)
     return np.where(slowest <= p.off_road_speed_mps, 1.0, share)
 
@@ -272,7 +274,9 @@ def _position_speed(
         # The published code takes the reading of the fastest change without a margin, by another rule.
         strict = number == 2
         above.append(
-            1 - share_within(way_m, *radii, least_m) if strict else share_above(way_m, *radii, least_m - lenient_m)
+            1 - share_within(way_m, *radii, least_m)
+            if strict
+            else share_above(way_m, *radii, least_m - lenient_m)
         )
     factor = np.minimum(np.mean(above, axis=0), np.mean(under, axis=0))
     fastest = np.maximum(speed, old_speed)

@@ -90,7 +90,9 @@ def _overlap(
     union = area[rows] + area[others] - common
     with np.errstate(invalid="ignore", divide="ignore"):
         by_area = np.where(union > 0, common / union, 0.0)
-        importance = _importance(places[others] - places[rows], axes_m[rows], axes_m[others], heading_deg, rows, others)
+        importance = _importance(
+            places[others] - places[rows], axes_m[rows], axes_m[others], heading_deg, rows, others
+        )
         # As Python's min and max treat what is no number: no overlap.
         found = np.where(by_area < importance * by_area, by_area, importance * by_area)
     return np.where(np.isnan(found), 0.0, found)

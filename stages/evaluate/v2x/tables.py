@@ -33,9 +33,9 @@ VICTIM_NOTE = (
 
 COMPARISON_NOTE = (
     "advpipe: our detector; catch: CaTCH's checks as VeReMi NextGen has them, tuned with the same bound on "
-    "false positives as ours; catch-f1: tuned for F1 alone; catch-published: with the parameters that NextGen "
-    "published for its urban simulation of 2 a.m. Detectors of your own stand beside them. AUC: area under "
-    "the ROC curve."
+    "false positives as ours; catch-f1: tuned for F1 alone; catch-published: with the parameters that "
+    "NextGen published for its urban simulation of 2 a.m. Your own detectors stand beside them. AUC: area "
+    "under the ROC curve."
 )
 
 ATTACKED_NOTE = " Attacked: from the first attacked message sent to the last."

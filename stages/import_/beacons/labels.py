@@ -86,9 +86,7 @@ class LogLabels:
         return record.sender, record.message or f"{record.file}:{record.place}", self.attacker_type(record)
 
 
-def write_labels(
-    folder: Path, records: Sequence[BeaconRecord], labels: LogLabels, ids: StationIds
-) -> None:
+def write_labels(folder: Path, records: Sequence[BeaconRecord], labels: LogLabels, ids: StationIds) -> None:
     """The false messages as a bag's labels, one row each; what the log does not say is null."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -13,6 +13,7 @@ from typing import Any
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.plain_json import load_json
+from advpipe.pipeline.dataset.layout import EXPORT_MARK
 from advpipe.stages.import_.beacons.record import (
     EPOCH_NS,
     RECEIVED,
@@ -37,6 +38,7 @@ def nextgen_files(source: Path, receiver: str | None = None) -> list[Path]:
     """The files of a folder. receiver: of this vehicle and of the truth alone. Raises UsageError for a folder
     without logs."""
     found = sorted(source.glob("*.json")) if source.is_dir() else []
+    found = [path for path in found if path.name != EXPORT_MARK]
     found = [path for path in found if is_truth(path) or receiver in (None, path.stem)]
     if all(is_truth(path) for path in found):
         which = "" if receiver is None else f" of {receiver}"

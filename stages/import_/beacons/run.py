@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -36,9 +34,7 @@ from advpipe.stages.import_.beacons.veremi import veremi_folder, veremi_records
 from advpipe.stages.import_.options import ImportRequest
 
 CLEAN, ATTACKED = "clean", "attacked"
-LOG_DATA_SET = FolderKind(
-    "data set", (SOURCE_NAME, CLEAN, ATTACKED), (SOURCE_NAME, f"{CLEAN}/metadata.yaml")
-)
+LOG_DATA_SET = FolderKind("data set", (SOURCE_NAME, CLEAN, ATTACKED), (SOURCE_NAME, f"{CLEAN}/metadata.yaml"))
 ORIGIN_DEG = (48.76, 11.42)
 """Where the log's map is put on the Earth: logs have no geographic origin, and no check depends on it."""
 
@@ -65,8 +61,8 @@ class LogSummary(Tabular):
 
     def __str__(self) -> str:
         about = (
-            f"{self.bag}: {counted(self.received, 'beacon')} received by {counted(self.receivers, 'vehicle')}, "
-            f"{self.false:,} of them false"
+            f"{self.bag}: {counted(self.received, 'beacon')} received by "
+            f"{counted(self.receivers, 'vehicle')}, {self.false:,} of them false"
         )
         licence = f"licence: {self.licence or 'not stated (--licence), so the card cannot say it'}"
         return "\n".join([about, licence, *self.notes])

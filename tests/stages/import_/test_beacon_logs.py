@@ -8,6 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.dataset.layout import EXPORT_MARK
+from advpipe.pipeline.labels.messages import read_labels
+from advpipe.stages.evaluate.v2x.drive import read_drive
+from advpipe.stages.evaluate.v2x.receptions import read_receptions
+from advpipe.stages.evaluate.v2x.section import v2x_sections
+from advpipe.stages.export.log import export_log
+from advpipe.stages.import_.beacons.cams import StationIds
+from advpipe.stages.import_.beacons.run import LogSummary, import_log
+from advpipe.stages.import_.options import ImportOptions, ImportRequest
 from tests.stages.import_.beacon_logs import (
     FALSE_FROM,
     HONEST,
@@ -18,17 +30,6 @@ from tests.stages.import_.beacon_logs import (
     write_nextgen,
     write_veremi,
 )
-
-from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.labels.messages import read_labels
-from advpipe.stages.evaluate.v2x.drive import read_drive
-from advpipe.stages.evaluate.v2x.receptions import read_receptions
-from advpipe.stages.evaluate.v2x.section import v2x_sections
-from advpipe.stages.export.log import export_log
-from advpipe.stages.import_.beacons.cams import StationIds
-from advpipe.stages.import_.beacons.run import LogSummary, import_log
-from advpipe.stages.import_.options import ImportOptions, ImportRequest
 
 FALSE = STEPS - FALSE_FROM
 Write = Callable[[Path], Path]
@@ -41,12 +42,15 @@ def imported(form: str, source: Path, out: Path, **options: str) -> LogSummary:
 
 def values_in(folder: Path) -> dict[str, object]:
     """The records of each file."""
-    return {path.name: _records(path) for path in folder.glob("*.json") if path.read_text()}
+    paths = [path for path in folder.glob("*.json") if path.read_text() and path.name != EXPORT_MARK]
+    return {path.name: _records(path) for path in paths}
 
 
 def _records(path: Path) -> list[object]:
     text = path.read_text()
-    found: list[object] = json.loads(text) if text.startswith("[") else list(map(json.loads, text.splitlines()))
+    found: list[object] = (
+        json.loads(text) if text.startswith("[") else list(map(json.loads, text.splitlines()))
+    )
     return found
 
 
@@ -111,7 +115,7 @@ def test_numbers_as_texts(tmp_path: Path) -> None:
     numbers = imported("nextgen", write_nextgen(tmp_path / "log"), tmp_path / "out")
     texts = imported("nextgen", write_nextgen(tmp_path / "texts", as_texts=True), tmp_path / "out-texts")
     claims = [read_receptions(BagReader(each.bag))[0].claims for each in (numbers, texts)]
-    assert claims[0] == claims[1]
+    assert list(map(repr, claims[0])) == list(map(repr, claims[1]))  # NaN where no roads are known
 
 
 def test_a_log_without_attackers_is_a_clean_bag_alone(tmp_path: Path) -> None:
@@ -161,7 +165,7 @@ def test_what_is_no_log(form: str, name: str, text: str, message: str, tmp_path:
 
 def test_options_that_a_log_does_not_take(tmp_path: Path) -> None:
     source = write_veremi(tmp_path / "log")
-    with pytest.raises(UsageError, match="--split"):
+    with pytest.raises(UsageError, match="split means nothing to the form veremi"):
         imported("veremi", source, tmp_path / "out", split="val")
     with pytest.raises(UsageError, match="a log has no frames"):
         imported("veremi", source, tmp_path / "out", frames="0:2")
