@@ -117,7 +117,7 @@ def main() -> None:
     with scratch() as temporary:
         bench = Bench(given.keep or Path(temporary), given.seconds, _attack_names(given), given.workers)
         if given.ship:
-            bench.ship()
+            bench.ship(_town06(given.town06, 8) if given.town06 else None)
         detectors = dict(MISBEHAVIOUR_DETECTORS)
         if given.ship:  # that module was imported before it was written
             detectors = bench.tuned_detectors()
@@ -148,10 +148,11 @@ class Bench:
         self._tuned: tuple[DetectorConfig, CatchParameters, CatchParameters] | None = None
         folder.mkdir(parents=True, exist_ok=True)
 
-    def ship(self) -> None:
-        """Tune on the drives of `TUNING`, the baseline without the fast ones, and write `tuned.py`."""
+    def ship(self, honest: Site | None) -> None:
+        """Tune on the drives of `TUNING`, ours on the honest messages of another map, too, and the baseline
+        without the fast ones; write `tuned.py`."""
         towns, fast = self._heard(is_fast=False), self._heard(is_fast=True)
-        streams = [*towns, *fast]
+        streams = [*towns, *fast, *(_streams(self._clean(honest), "") if honest else ())]
         base = DetectorConfig()
         candidates = threshold_candidates([each for each in streams if not each.attack], base)
         ours = tune(candidates, evaluated(streams), base)
@@ -161,6 +162,7 @@ class Bench:
             print(f"  {name}: mean F1 {score.mean_f1:.3f}, {score.false_positive_rate:.2%} of honest flagged")
         self._tuned = ours.config, bounded.parameters, free.parameters
         drives = [f"{site.name}, {self._seconds:g} s{' (ours alone)' * site.is_fast}" for site in TUNING]
+        drives += [f"{honest.name}, {self._seconds:g} s (ours alone, honest messages)"] if honest else []
         TUNED_FILE.write_text(_tuned_text(drives, *self._tuned), encoding="utf-8")
 
     def tuned_detectors(self) -> dict[str, MisbehaviourDetector]:
@@ -334,7 +336,7 @@ from __future__ import annotations
 
 DRIVES = (
 {"".join(f'    "{drive}",' + chr(10) for drive in drives)})
-"""Drives used for tuning, on networks drawn from these seeds; the benchmark tests on none of them."""
+"""Drives used for tuning, on with their seeds; the benchmark tests on none of them."""
 
 THRESHOLDS: dict[str, float] = {{
 {_items(thresholds)}}}

@@ -77,6 +77,7 @@ class OnlineDetector:
                 values["appearance"] = checks.appearance_m(claim, receiver, self._config.earshot_m)
         else:
             self._measure_change(values, claim, track)
+            self._measure_newest(values, claim, station)
         known = station.trusted or station.suspect
         if known is not None:
             values["frequency"] = checks.frequency_hz(claim, known.last)
@@ -140,6 +141,17 @@ class OnlineDetector:
         values["dynamics"] = checks.dynamics_mps2(claim, last)
         values["impulse"] = track.impulse(claim, self._config)
         values["kalman"] = track.innovation(claim)
+
+    def _measure_newest(self, values: dict[str, float], claim: Claim, station: _StationMemory) -> None:
+        """Of a message that continues both tracks, the speed is compared with the newest message of either:
+        the trusted one may be too old to tell a false speed."""
+        trusted, suspect = station.trusted, station.suspect
+        if trusted is None or suspect is None or suspect.last.generation_ns <= trusted.last.generation_ns:
+            return
+        expected = self._config.expectation
+        if _fit(claim, suspect.last, expected) <= self._config.thresholds.get("position_speed", math.inf):
+            newest = checks.acceleration_sigma(claim, suspect.last, expected)
+            values["acceleration"] = float(np.fmax(values["acceleration"], newest))
 
     def _overlap(self, claim: Claim, receiver: ReceivingVehicle, own: _StationMemory) -> float:
         """Overlap with the receiver and with trusted stations; of two stations, the newer one is flagged."""

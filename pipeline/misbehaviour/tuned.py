@@ -1,4 +1,8 @@
-"""Tuned parameters of both detectors, written by `benchmarks/misbehaviour.py --ship`."""
+"""Tuned parameters of both detectors, as `benchmarks/misbehaviour.py --ship` searches them.
+
+After the search on the first four drives, the thresholds of `position_speed`, `heading` and `kalman` were
+raised by hand, so that of the honest messages of the fifth, on another map, fewer than 1 % are flagged.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +11,26 @@ DRIVES = (
     "grid-22, 30 s",
     "random-23, 30 s",
     "grid-24, 30 s (ours alone)",
+    "town06-8, 30 s (ours alone, honest messages)",
 )
-"""Drives used for tuning, on networks drawn from these seeds; the benchmark tests on none of them."""
+"""Drives used for tuning, with their seeds; the benchmark tests on none of them."""
 
 THRESHOLDS: dict[str, float] = {
-    "range": 1502.0,
-    "speed": 42.43,
+    "range": 2346.0,
+    "speed": 51.26,
     "position": 1.5,
     "wrong_way": 0.6,
     "freshness": 0.2,
-    "position_speed": 5.475,
+    "position_speed": 7.5,
     "drift": 8.455,
-    "heading": 3.377,
+    "heading": 5.0,
     "turn": 31.17,
     "acceleration": 5.849,
     "impulse": 3.727,
     "dynamics": 8.29,
     "overlap": 0.4,
     "appearance": 150.0,
-    "kalman": 50.26,
+    "kalman": 90.0,
 }
 """Thresholds of our checks, by name; units as in `config.CHECKS`."""
 

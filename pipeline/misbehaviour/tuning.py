@@ -28,6 +28,8 @@ FIRST_SHARE = 0.0003
 PARDON_S = (3.0, 10.0, 30.0)
 """Never infinite: real drives last longer than tuning drives, and an honest station may be flagged once."""
 _LEAST_GAIN = 1e-4
+_OF_THE_PLACE = ("range", "speed")
+"""What honest messages reach depends on the place, so the highest, with its margin, is kept."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ def threshold_candidates(clean: Iterable[Stream], base: DetectorConfig) -> dict[
             # If no honest message shows a deviation, that does not say how small one a false message shows.
             levels = {
                 max(float(np.quantile(values, 1 - share)) * (1.0 if share else check.margin), check.least)
-                for share in EXCEEDANCE_SHARES
+                for share in ((0.0,) if name in _OF_THE_PLACE else EXCEEDANCE_SHARES)
             }
         found[name] = tuple(sorted(levels, reverse=True))
     return found
