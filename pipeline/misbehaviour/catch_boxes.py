@@ -152,4 +152,5 @@ def _normal(value: Float64) -> Float64:
     sign, x = np.where(value < 0, -1.0, 1.0), np.abs(value) / np.sqrt(2.0)
     t = 1 / (1 + 0.3275911 * x)
     series = 0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))
-    return 0.5 * (1 + sign * (1 - series * t * np.exp(-x * x)))
+    found: Float64 = 0.5 * (1 + sign * (1 - series * t * np.exp(-x * x)))
+    return found

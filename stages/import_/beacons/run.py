@@ -118,7 +118,7 @@ def import_log(request: ImportRequest, out: Path, *, overwrite: bool = False) ->
             left_out = _write(request, folder / ATTACKED, attacked, records, labels, ids, is_clean=False)
     receivers = {record.receiver for record in records if record.kind == RECEIVED}
     received = sum(record.kind == RECEIVED for record in records)
-    notes = LOSSES
+    notes: tuple[str, ...] = LOSSES
     if left_out:
         notes += (f"{counted(left_out, 'beacon')} without a place on a map became no CAM.",)
     bag = out / (ATTACKED if false else CLEAN)
@@ -155,7 +155,7 @@ def _write(
     """Write a bag, and count the received beacons that became no CAM. is_clean: without false beacons."""
     geodesy = Geodesy(*ORIGIN_DEG, 0.0)
     motion = (lambda state, _: motion_of_numbers(state)) if request.form == "nextgen" else motion_of_vectors
-    cams = {}
+    cams: dict[str, CamsOfLog] = {}
     names = {record.receiver: vehicle_name(record.receiver) for record in records if record.receiver}
     left_out = 0
     with BagWriter(bag, provenance=Provenance(provenance, str(bag))) as writer:

@@ -181,8 +181,8 @@ def test_a_flood_of_names_is_forgotten(make: Make, ego: ReceivingVehicle) -> Non
 
 
 def test_a_false_speed_is_compared_with_the_newest_message_too(make: Make, ego: ReceivingVehicle) -> None:
-    """Its place is right, its speed is 4 m/s too low, then 4 too high: a second after the last true one, 4 m/s
-    may be an acceleration, 8 m/s within 0.2 s may not."""
+    """Its place is right, its speed is 4 m/s too low, then 4 too high: a second after the last true one,
+    4 m/s may be an acceleration, 8 m/s within 0.2 s may not."""
     config = replace(CONFIG, thresholds={**CONFIG.thresholds, "position_speed": 50.0, "acceleration": 12.0})
     claims = [make(0.2 * n) for n in range(4)]
     claims += [make(0.6 + 0.2 * n, speed_mps=6.0 if n % 2 else 14.0) for n in range(1, 8)]
