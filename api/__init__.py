@@ -66,6 +66,11 @@ if TYPE_CHECKING:
     from advpipe.pipeline.messages.types import message_class as message_class
     from advpipe.pipeline.messages.types import serialise as serialise
     from advpipe.pipeline.messages.v2x import RadioPlace as RadioPlace
+    from advpipe.pipeline.misbehaviour.claim import Claim as Claim
+    from advpipe.pipeline.misbehaviour.claim import ReceivingVehicle as ReceivingVehicle
+    from advpipe.pipeline.misbehaviour.verdicts import CheckVerdicts as CheckVerdicts
+    from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector as MisbehaviourDetector
+    from advpipe.pipeline.misbehaviour.verdicts import Verdicts as Verdicts
     from advpipe.pipeline.replay.v2x_drive import V2xDrive as V2xDrive
     from advpipe.pipeline.replay.v2x_drive import V2xStep as V2xStep
     from advpipe.pipeline.scenario.load import load_scenario as load_scenario
@@ -165,6 +170,8 @@ _NAMES_OF = {
     "pipeline.messages.cloud": ("POINT_DTYPE",),
     "pipeline.messages.types": ("message_class", "serialise"),
     "pipeline.messages.v2x": ("RadioPlace",),
+    "pipeline.misbehaviour.claim": ("Claim", "ReceivingVehicle"),
+    "pipeline.misbehaviour.verdicts": ("CheckVerdicts", "MisbehaviourDetector", "Verdicts"),
     "pipeline.replay.v2x_drive": ("V2xDrive", "V2xStep"),
     "pipeline.scenario.load": ("load_scenario",),
     "pipeline.scenario.models": ("Scenario",),

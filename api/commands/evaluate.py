@@ -30,6 +30,7 @@ def evaluate(
     defence: str | Sequence[str] = Options.defences,
     defence_frames: int | None = Options.defence_frames,
     detect_attacks: str | Sequence[str] = Options.detect_attacks,
+    misbehaviour_detector: str | Sequence[str] = Options.misbehaviour_detectors,
     seed: int = Options.seed,
     baseline: bool = Options.baseline,
     baseline_tries: int | None = Options.baseline_tries,
@@ -53,6 +54,7 @@ def evaluate(
     which clouds detection looks at. defence: `NAME[:parameters]` before the detector, such as `jitter:0.02`,
     or several; or `default`, `all` or `none`. defence_frames: the most frames that defences are scored on.
     detect_attacks: checks that try to tell attacked clouds from clean ones, `all` or `none`.
+    misbehaviour_detector: your own detector of false V2X messages, `module:Class`, or several.
     seed: of the bootstrap, the baselines and the defences. baseline: also scores a random attack with the
     same budget; baseline_tries: its queries, of which it keeps the best, by default as many as the attack
     has.
@@ -93,6 +95,9 @@ def evaluate(
         defences=(defence,) if isinstance(defence, str) else tuple(defence),
         defence_frames=defence_frames,
         detect_attacks=(detect_attacks,) if isinstance(detect_attacks, str) else tuple(detect_attacks),
+        misbehaviour_detectors=(misbehaviour_detector,)
+        if isinstance(misbehaviour_detector, str)
+        else tuple(misbehaviour_detector),
         frames=chosen,
         lidar_topic=lidar,
         lidar_height_m=lidar_height_m,

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.commands.paths import PathLike, refuse_existing
-from advpipe.stages.import_.options import ImportOptions, ImportRequest
+from advpipe.stages.import_.options import LOG_FORMS, ImportOptions, ImportRequest
 
 if TYPE_CHECKING:
+    from advpipe.stages.import_.beacons.run import LogSummary
     from advpipe.stages.import_.run import ImportSummary
 
 
@@ -30,10 +31,11 @@ def import_drive(
     scale_intensity: float | None = ImportOptions.scale_intensity,
     classes: Mapping[str, str] | None = None,
     overwrite: bool = False,
-) -> ImportSummary:
+) -> ImportSummary | LogSummary:
     """Make a data set of a drive that another data set, simulator or ROS recording holds.
 
-    form: `kitti`, `openpcdet`, `nuscenes`, `av2`, `opv2v`, `files`, `rosbag`, or `module:Class`. source: its
+    form: `kitti`, `openpcdet`, `nuscenes`, `av2`, `opv2v`, `files`, `rosbag`, or `module:Class`; `veremi`,
+    `f2md` or `nextgen` for a published log of V2X messages. source: its
     folder or file. out: the data set's folder. licence: SPDX identifier, where the form does not fix it.
     frames: of the drive, `start:stop:step`. drive: one of several. split: only its frames. interval_s:
     between frames of a source without times. lidar_height_m: above the ground. columns: of a point in raw
@@ -62,4 +64,9 @@ def import_drive(
         scale_intensity=scale_intensity,
         classes=classes or {},
     )
-    return run(ImportRequest(form, Path(source), options), Path(out), overwrite=overwrite)
+    request = ImportRequest(form, Path(source), options)
+    if form in LOG_FORMS:
+        from advpipe.stages.import_.beacons.run import import_log
+
+        return import_log(request, Path(out), overwrite=overwrite)
+    return run(request, Path(out), overwrite=overwrite)

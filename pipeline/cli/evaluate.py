@@ -61,6 +61,10 @@ def evaluate_command(
             autocompletion=attack_check_names,
         ),
     ] = None,
+    misbehaviour_detector: Annotated[
+        list[str] | None,
+        cli_option(Options, "misbehaviour_detectors", "--misbehaviour-detector", show_default=False),
+    ] = None,
     seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
     baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
@@ -89,6 +93,7 @@ def evaluate_command(
         defence=defence or Options.defences,
         defence_frames=defence_frames,
         detect_attacks=detect_attacks or Options.detect_attacks,
+        misbehaviour_detector=misbehaviour_detector or (),
         seed=seed,
         baseline=baseline,
         baseline_tries=baseline_tries,

@@ -17,7 +17,10 @@ from advpipe.pipeline.core.text import counted
 V2X_FORMATS = {"veremi": "extension", "veremi-2018": "2018"}
 """The forms of VeReMi by their names on the command line."""
 
-FORMATS = ("kitti", "openpcdet", "nuscenes", "opv2v", "pcd", *V2X_FORMATS)
+LOG = "log"
+"""The log of beacons that a drive was imported from."""
+
+FORMATS = ("kitti", "openpcdet", "nuscenes", "opv2v", "pcd", LOG, *V2X_FORMATS)
 """All forms; the first ones are the keys of `stages.export.registry`."""
 
 
@@ -37,7 +40,8 @@ def export(
     """Write bags as others read them: clouds, boxes, calibration and splits, or V2X messages.
 
     A data set's clean bag and its attacks come under the same names of frames. veremi: V2X messages as JSON
-    of the VeReMi Extension, a file a receiver and one of ground truth; veremi-2018: of VeReMi.
+    of the VeReMi Extension, a file a receiver and one of ground truth; veremi-2018: of VeReMi. log: the log
+    of V2X messages that the drive was imported from, as it was.
     """
     from advpipe.pipeline.bag.locate import bag_named
     from advpipe.pipeline.core.errors import UsageError
@@ -46,6 +50,8 @@ def export(
         raise UsageError(f"unknown format {format!r}; {known_names(format, FORMATS)}")
     if format in V2X_FORMATS:
         return _veremi(bag, format, out, overwrite)
+    if format == LOG:
+        return _log(bag, out, overwrite)
     from advpipe.pipeline.core.frame_slice import FrameSlice
     from advpipe.stages.export.form import ExportOptions
     from advpipe.stages.export.run import export_bags
@@ -80,11 +86,14 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
     from advpipe.pipeline.core.errors import UsageError, as_usage_error
     from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_SENT
     from advpipe.stages.evaluate.v2x.veremi import export_veremi
+    from advpipe.stages.export.log import holds_log
 
     with as_usage_error():
         source = resolve_bag(bag)
         if not {SCENARIO_INFO.name, V2X_SENT.name} & BagReader(source).topics.keys():
-            clouds = ", ".join(FORMATS[: -len(V2X_FORMATS)])
+            if holds_log(source):
+                raise UsageError(f"{source} was imported from a log; give --format log")
+            clouds = ", ".join(FORMATS[: FORMATS.index(LOG)])
             raise UsageError(f"{source} holds no V2X messages to write as {format}; give --format: {clouds}")
     target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")
     written = export_veremi(source, target, form=V2X_FORMATS[format], overwrite=overwrite)
@@ -99,5 +108,30 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
         {"folder": target, **written._asdict()},
         show,
         made={"folder": target},
+        next_commands=[typed("evaluate", bag)],
+    )
+
+
+def _log(bag: Path, out: Path | None, overwrite: bool) -> Answer:
+    from advpipe.pipeline.bag.locate import adversarial_bags, bag_named, resolve_bag
+    from advpipe.pipeline.core.errors import as_usage_error
+    from advpipe.pipeline.dataset.layout import is_dataset
+    from advpipe.stages.export.log import export_log
+
+    with as_usage_error():
+        source = resolve_bag(bag)
+        if is_dataset(bag) and (attacked := adversarial_bags(bag)):
+            source = attacked[0]  # the clean bag lacks the false beacons
+    written = export_log(
+        source, out or bag_named(bag).with_name(f"{bag_named(bag).name}-log"), overwrite=overwrite
+    )
+
+    def show() -> None:
+        print(f"{counted(written.files, 'file')}, {counted(written.records, 'record')}")
+
+    return Answer(
+        written._asdict(),
+        show,
+        made={"folder": written.folder},
         next_commands=[typed("evaluate", bag)],
     )

@@ -59,12 +59,26 @@ def claimed_displacement_m(claim: Claim, last: Claim) -> tuple[float, float]:
 
 
 def unmodelled_m(claim: Claim, last: Claim, expected: Expectation) -> float:
-    """What `claimed_displacement_m` does not model: changes of acceleration, and the arc of a turn."""
+    """What `claimed_displacement_m` does not model: changes of acceleration, the arc of a turn, and the
+    swing of the box."""
     t = elapsed_s(claim, last)
-    turned_rad = math.remainder(claim.yaw_rad - last.yaw_rad, math.tau)
     way_m = (abs(claim.speed_mps) + abs(last.speed_mps)) / 2 * abs(t)
-    arc_m = expected.turn_share * min(abs(turned_rad), 1.0) * way_m
-    return math.hypot(expected.acceleration_change_mps2 * t * t / 8, arc_m)
+    arc_m = expected.turn_share * _turned_rad(claim, last) * way_m
+    return math.hypot(expected.acceleration_change_mps2 * t * t / 8, arc_m, swing_m(claim, last, expected))
+
+
+def swing_m(claim: Claim, last: Claim, expected: Expectation) -> float:
+    """How far the centre of the box may have moved across its heading in a turn; 0 without a length."""
+    found_m = expected.swing_share * _turned_rad(claim, last) * claim.length_m / 2
+    return found_m if found_m > 0 else 0.0
+
+
+def _turned_rad(claim: Claim, last: Claim) -> float:
+    """The angle turned between two messages, by their headings or their yaw rates; 1 at most."""
+    turned_rad = abs(math.remainder(claim.yaw_rad - last.yaw_rad, math.tau))
+    rates_radps = abs(claim.yaw_rate_radps), abs(last.yaw_rate_radps)
+    by_rates_rad = max(rates_radps) * abs(elapsed_s(claim, last))
+    return min(by_rates_rad if by_rates_rad > turned_rad else turned_rad, 1.0)
 
 
 def displacement_sigma_m(elapsed: float, expected: Expectation, *bends_m: float) -> float:
@@ -125,8 +139,13 @@ def acceleration_sigma(claim: Claim, last: Claim, expected: Expectation) -> floa
     changed_mps = claim.speed_mps - last.speed_mps
     miss_mps = _outside(changed_mps, last.acceleration_mps2 * t, claim.acceleration_mps2 * t)
     steady_mps = math.hypot(expected.speed_mps, expected.speed_mps_per_root_s * math.sqrt(t))
-    # The driver's acceleration in between rarely goes far beyond the two claimed ones.
-    return miss_mps / math.hypot(steady_mps, expected.acceleration_change_mps2 * t / 2 * min(t, 1.0))
+    # The driver's acceleration in between rarely goes far beyond the two claimed ones, less so in steady
+    # traffic than where one brakes hard.
+    change_mps2 = math.hypot(
+        expected.acceleration_change_mps2 / 2,
+        expected.acceleration_share * max(abs(claim.acceleration_mps2), abs(last.acceleration_mps2)),
+    )
+    return miss_mps / math.hypot(steady_mps, change_mps2 * t * min(t, 1.0))
 
 
 def dynamics_mps2(claim: Claim, last: Claim | None) -> float:

@@ -101,6 +101,10 @@ class Expectation:
     """From the point that moves along the heading to the centre of the box."""
     turn_share: float = 0.1
     """Share of distance times turned angle by which an arc deviates from the mean of its end directions."""
+    swing_share: float = 0.5
+    """Share of the turned angle times half the length by which the centre of the box swings outwards."""
+    acceleration_share: float = 0.3
+    """Share of a claimed acceleration by which the driver changes it within a second."""
     speed_bias_mps: float = 0.1
 
 

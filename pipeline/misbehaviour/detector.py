@@ -20,6 +20,7 @@ from advpipe.pipeline.misbehaviour import checks
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig, Expectation
 from advpipe.pipeline.misbehaviour.track import Track
+from advpipe.pipeline.misbehaviour.verdicts import CheckVerdicts, Verdicts
 
 
 class Judgement(NamedTuple):
@@ -43,10 +44,10 @@ class _StationMemory:
     suspect: Track | None = None
 
 
-class MisbehaviourDetector:
+class OnlineDetector:
     """Keeps a receiver's memory of all stations; `judge` takes one message after the other.
 
-    >>> detector = MisbehaviourDetector(config)
+    >>> detector = OnlineDetector(config)
     >>> statistics, is_flagged = detector.judge(claim, receiver)
     """
 
@@ -76,6 +77,7 @@ class MisbehaviourDetector:
                 values["appearance"] = checks.appearance_m(claim, receiver, self._config.earshot_m)
         else:
             self._measure_change(values, claim, track)
+            self._measure_newest(values, claim, station)
         known = station.trusted or station.suspect
         if known is not None:
             values["frequency"] = checks.frequency_hz(claim, known.last)
@@ -140,6 +142,17 @@ class MisbehaviourDetector:
         values["impulse"] = track.impulse(claim, self._config)
         values["kalman"] = track.innovation(claim)
 
+    def _measure_newest(self, values: dict[str, float], claim: Claim, station: _StationMemory) -> None:
+        """Of a message that continues both tracks, the speed is compared with the newest message of either:
+        the trusted one may be too old to tell a false speed."""
+        trusted, suspect = station.trusted, station.suspect
+        if trusted is None or suspect is None or suspect.last.generation_ns <= trusted.last.generation_ns:
+            return
+        expected = self._config.expectation
+        if _fit(claim, suspect.last, expected) <= self._config.thresholds.get("position_speed", math.inf):
+            newest = checks.acceleration_sigma(claim, suspect.last, expected)
+            values["acceleration"] = float(np.fmax(values["acceleration"], newest))
+
     def _overlap(self, claim: Claim, receiver: ReceivingVehicle, own: _StationMemory) -> float:
         """Overlap with the receiver and with trusted stations; of two stations, the newer one is flagged."""
         box = checks.claimed_box(claim, claim.arrival_ns)
@@ -202,12 +215,38 @@ def judge_all(
     claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle], config: DetectorConfig
 ) -> Judgement:
     """Check all messages of one receiver, in order of arrival, with the receiver's own pose at each."""
-    detector = MisbehaviourDetector(config)
+    detector = OnlineDetector(config)
     statistics = np.full((len(claims), len(CHECKS)), np.nan)
     flagged = np.zeros(len(claims), bool)
     for row, (claim, receiver) in enumerate(zip(claims, receivers, strict=True)):
         statistics[row], flagged[row] = detector.judge(claim, receiver)
     return Judgement(statistics, flagged)
+
+
+class PlausibilityDetector:
+    """Our checks as a misbehaviour detector.
+
+    The score of a message is the largest ratio of a check's statistic to its threshold: above 1 it is
+    flagged. What later messages are compared with depends on what was flagged, at the thresholds of the
+    settings.
+    """
+
+    def __init__(self, config: DetectorConfig | None = None) -> None:
+        self.config = config or DetectorConfig()
+
+    def judge(self, claims: Sequence[Claim], receivers: Sequence[ReceivingVehicle]) -> Verdicts:
+        found = judge_all(claims, receivers, self.config)
+        triggered = found.triggered(self.config)
+        limits = np.array([self.config.thresholds.get(name, math.inf) for name in CHECKS])
+        ratios = np.nan_to_num(found.statistics / limits, nan=0.0, posinf=np.finfo(float).max)
+        return Verdicts(
+            ratios.max(axis=1, initial=0.0),
+            found.flagged,
+            {
+                name: CheckVerdicts(found.statistics[:, number], triggered[:, number])
+                for number, name in enumerate(CHECKS)
+            },
+        )
 
 
 def _fit(claim: Claim, last: Claim, expected: Expectation) -> float:

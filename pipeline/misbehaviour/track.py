@@ -36,6 +36,7 @@ class Track:
     failed."""
 
     def __init__(self, config: DetectorConfig) -> None:
+        self._config = config
         self._window_s = config.window_s
         self._points: deque[_TrackPoint] = deque()
         self._kalman = Kalman(config.kalman_acceleration_mps2, _KALMAN_POSITION_M, _KALMAN_SPEED_MPS)
@@ -93,12 +94,13 @@ class Track:
         velocity = checks.velocity_mps(claim)
         if not math.isfinite(velocity[0] + claim.x_m):
             return math.nan
-        place, elapsed_s, turning_mps2 = (claim.x_m, claim.y_m), 0.0, 0.0
+        place, elapsed_s, turning_mps2, swing_m = (claim.x_m, claim.y_m), 0.0, 0.0, 0.0
         if self._points:
             elapsed_s = checks.elapsed_s(claim, self.last)
             turned_rad = math.remainder(claim.yaw_rad - self.last.yaw_rad, math.tau)
             turning_mps2 = min(abs(claim.speed_mps * turned_rad / elapsed_s), _MOST_TURNING_MPS2)
-        return self._kalman.innovation(elapsed_s, place, velocity, turning_mps2)
+            swing_m = checks.swing_m(claim, self.last, self._config.expectation)
+        return self._kalman.innovation(elapsed_s, place, velocity, turning_mps2, swing_m)
 
     def _reaches(self, claim: Claim) -> bool:
         """Whether the window holds two messages or more, none of them too old."""

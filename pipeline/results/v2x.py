@@ -27,13 +27,30 @@ class ScoreMetrics:
 
 
 @dataclass(frozen=True)
+class DetectorRecord:
+    """One misbehaviour detector on the false messages of one attack and all honest messages. The points of
+    the curve run from (0, 0) to (1, 1), 65 of them at most; none where no message is false."""
+
+    detector: Annotated[str, "name of the misbehaviour detector, or the user's `module:Class`"]
+    scores: Annotated[ScoreMetrics, Flat("")]
+    auc: Annotated[float, "area under the ROC curve of the detector's scores of messages, in [0, 1]"]
+    roc_false_positive_rates: Annotated[
+        tuple[float, ...], "share of honest messages above each threshold of the curve, in [0, 1]"
+    ]
+    roc_recalls: Annotated[
+        tuple[float, ...], "share of false messages above each threshold of the curve, in [0, 1]"
+    ]
+
+
+@dataclass(frozen=True)
 class AttackScores:
-    """Our detector and the baseline on the false messages of one attack and all honest messages."""
+    """The detectors on the false messages of one attack and all honest messages."""
 
     attack: Annotated[str, "name of the attack, with the part of a mix"]
     false_messages: Annotated[int, "number of its false messages received"]
     ours: Annotated[ScoreMetrics, Flat("")]
     baseline: Annotated[ScoreMetrics, Flat("baseline_", "baseline: ")]
+    detectors: Annotated[tuple[DetectorRecord, ...], "every misbehaviour detector, with its ROC curve"]
 
 
 @dataclass(frozen=True)

@@ -37,9 +37,10 @@ def added_sections(
     """
     window = window_of(BagReader(clean), options.frames, options.lidar_topic)
     seen = partial(coordinated, detected=_detected(clean, options, summaries))
+    judged = partial(v2x, detectors=options.misbehaviour)
     sections = [
         section
-        for family in (seen, localisation, v2x)
+        for family in (seen, localisation, judged)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
     if window.end_ns is not None:

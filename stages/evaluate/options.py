@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from advpipe.pipeline.core.options import check_bounds, option
 
 if TYPE_CHECKING:
     from advpipe.pipeline.detector.adaptation import Adaptation
+    from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,8 @@ class Options:
 
     detectors: the first one is shown in pictures. baseline_tries: None for the query budget of the
     attack itself. defences: as `parse_defences` reads them. defence_frames: None for the rule of
-    `most_defended`. detect_attacks: as `parse_attack_checks` reads them. lidar_topic: None where a bag has
+    `most_defended`. detect_attacks: as `parse_attack_checks` reads them.
+    misbehaviour_detectors: as `misbehaviour_detectors` reads them. lidar_topic: None where a bag has
     one LiDAR. bootstrap_draws: what the intervals are made of.
     """
 
@@ -50,6 +53,10 @@ class Options:
         "Check that tries to tell attacked clouds from clean ones: "
         f"{', '.join((*POINT_CHECKS, *BOX_CHECKS))}, your own module:Class, all, or none. Repeatable.",
     )
+    misbehaviour_detectors: tuple[str, ...] = option(
+        (),
+        "Your own detector of false V2X messages, module:Class, beside ours and the baselines. Repeatable.",
+    )
     frames: FrameSlice = option(
         ALL_FRAMES,
         "start:stop:step, counted in the clean bag: which clouds detection and cooperative "
@@ -73,6 +80,7 @@ class Options:
 
         parse_defences(self.defences)
         parse_attack_checks(self.detect_attacks)
+        _ = self.misbehaviour  # refuses what cannot be loaded
         open_device(self.device)
         if not self.detectors:
             raise UsageError("no detector is given; name one")
@@ -88,6 +96,13 @@ class Options:
         if self.defence_frames is not None:
             return self.defence_frames
         return min(10, -(-frames // 3)) if self.defences == Options.defences else frames
+
+    @property
+    def misbehaviour(self) -> Mapping[str, MisbehaviourDetector]:
+        """The detectors of false V2X messages, by name."""
+        from advpipe.pipeline.misbehaviour.detectors import misbehaviour_detectors
+
+        return misbehaviour_detectors(self.misbehaviour_detectors)
 
     @property
     def adaptation(self) -> Adaptation:

@@ -13,8 +13,11 @@ from advpipe.pipeline.core.lidar_height import check_lidar_height
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.options import check_bounds, option
 
-FORM_NAMES = ("kitti", "openpcdet", "nuscenes", "av2", "opv2v", "files", "rosbag")
-"""The keys of `registry.FORMS`, where a command line need not load the forms."""
+LOG_FORMS = ("veremi", "f2md", "nextgen")
+"""Logs of beacons: VeReMi (2018), VeReMi Extension as F2MD writes it, and VeReMi NextGen."""
+
+FORM_NAMES = ("kitti", "openpcdet", "nuscenes", "av2", "opv2v", "files", "rosbag", *LOG_FORMS)
+"""The keys of `registry.FORMS`, where a command line need not load the forms, and logs."""
 
 IGNORED = "ignore"
 """In place of a class: boxes that count neither way."""

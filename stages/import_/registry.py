@@ -13,6 +13,7 @@ from advpipe.stages.import_.form import DriveForm
 from advpipe.stages.import_.kitti.form import KittiForm
 from advpipe.stages.import_.nuscenes.form import NuscenesForm
 from advpipe.stages.import_.openpcdet import OpenPcdetForm
+from advpipe.stages.import_.options import FORM_NAMES
 from advpipe.stages.import_.opv2v.form import Opv2vForm
 from advpipe.stages.import_.rosbag.form import RosbagForm
 
@@ -32,7 +33,7 @@ def find_form(name: str) -> DriveForm:
     if name in FORMS:
         return FORMS[name]
     if ":" not in name:
-        raise UsageError(f"unknown form {name!r}; {known_names(name, FORMS)} (or your own module:Class)")
+        raise UsageError(f"unknown form {name!r}; {known_names(name, FORM_NAMES)} (or your own module:Class)")
     found = import_object(name, f"cannot load form {name}")
     if not (isinstance(found, type) and issubclass(found, DriveForm)):
         raise UsageError(f"{name} is not a form: it has to inherit from DriveForm")

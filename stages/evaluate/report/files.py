@@ -22,7 +22,10 @@ from advpipe.stages.evaluate.report.viewer_scenes import viewer_scenes
 
 REPORT = FolderKind(
     "report",
-    ("report.json", "results.parquet", "frames.parquet", "figures", "report.html", "detections"),
+    (
+        *("report.json", "results.parquet", "frames.parquet", "verdicts.parquet", "figures"),
+        *("report.html", "detections"),
+    ),
     ("report.json",),
 )
 
@@ -35,6 +38,8 @@ def write_report(
     if summaries:
         write_results(summaries, folder / "results.parquet")
         write_frames(summaries, folder / "frames.parquet")
+    for name, content in (each for section in report.sections for each in section.files.items()):
+        (folder / name).write_bytes(content)
     pictures = draw_pictures(clean, summaries, options.lidar_topic)
     (folder / "figures").mkdir()
     for picture in [*pictures, *(picture for section in report.sections for picture in section.pictures)]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import struct
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from io import BytesIO
 from typing import NamedTuple
 
@@ -98,7 +99,7 @@ class ReportSection:
 
     key: under which `report.json` lists the records, unique in a report. lead: what the tables show, in a
     sentence or two. terminal: the main values, in tables for 80 characters. records: one for each line in
-    `report.json`. formulas: what the values mean.
+    `report.json`. formulas: what the values mean. files: further files of the report by name.
     """
 
     key: str
@@ -110,3 +111,4 @@ class ReportSection:
     notes: tuple[str, ...] = ()
     formulas: tuple[Formula, ...] = ()
     terminal: tuple[Table, ...] = ()
+    files: Mapping[str, bytes] = field(default_factory=dict)

@@ -1,134 +1,202 @@
-"""Scores of the misbehaviour detector and of the baseline on false and honest messages, by attack."""
+"""Scores of misbehaviour detectors on false and honest messages, by attack."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.messages import MessageLabel, are_false
-from advpipe.pipeline.misbehaviour.catch import (
-    TUNED_CATCH,
-    CatchParameters,
-    catch_flags,
-    catch_messages,
-)
-from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
-from advpipe.pipeline.misbehaviour.detector import judge_all
+from advpipe.pipeline.misbehaviour.detectors import BASELINE, MISBEHAVIOUR_DETECTORS, OURS
+from advpipe.pipeline.misbehaviour.roc import RocCurve, roc_curve
 from advpipe.pipeline.misbehaviour.scores import Bools, Scores, scores
+from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector, Verdicts
 from advpipe.stages.evaluate.v2x.receptions import ListenerReceptions
+
+
+@dataclass(frozen=True)
+class DetectorResult:
+    """The scores of one detector's flags, and the thinned curve of its scores."""
+
+    scores: Scores
+    roc: RocCurve
 
 
 @dataclass(frozen=True)
 class ScoredAttack:
     """One attack of a bag, scored on its false messages and all honest ones, without those of other attacks.
 
-    attack: with the part of a mix, if labelled. published: F1 of CaTCH on other data, or NaN.
+    attack: with the part of a mix, if labelled. detectors: by name. published: F1 of CaTCH on other data, or
+    NaN.
     """
 
     attack: str
     false_messages: int
-    ours: Scores
-    baseline: Scores
+    detectors: Mapping[str, DetectorResult]
     published: float
+
+    @property
+    def ours(self) -> Scores:
+        """The scores of our detector."""
+        return self.detectors[OURS].scores
+
+    @property
+    def baseline(self) -> Scores:
+        """The scores of CaTCH's checks, tuned as ours are."""
+        return self.detectors[BASELINE].scores
+
+
+@dataclass(frozen=True)
+class ListenerVerdicts:
+    """What all detectors say of the M messages that a listener received, by detector.
+
+    numbers: of the message as in /v2x/sent, None where unknown. The others are (M,). is_counted: in the
+    window, and known to be false or honest. is_scored: and a CAM, or false.
+    """
+
+    listener: str
+    numbers: list[int | None]
+    arrivals_ns: list[int]
+    is_false: Bools
+    is_counted: Bools
+    is_scored: Bools
+    detectors: Mapping[str, Verdicts]
 
 
 @dataclass(frozen=True)
 class Detection:
-    """The results of two detectors on the messages that all listeners of a bag received.
+    """The results of detectors on the messages that all listeners of a bag received.
 
     attack: empty for a clean bag. messages, false_messages: received, where the bag records their senders.
     undecoded: messages that are not CAMs and were not sent by an attack; decoders drop them, and they do not
-    count. parts: by attack. flagged_by_check: flagged false messages, most first.
+    count. detectors: by name, on all messages. parts: by attack. flagged_by_check: false messages that each
+    check of ours flags, most first.
     """
 
     attack: str
     messages: int
     false_messages: int
     undecoded: int
-    ours: Scores
-    baseline: Scores
+    detectors: Mapping[str, DetectorResult]
     parts: tuple[ScoredAttack, ...]
     flagged_by_check: dict[str, int]
+    verdicts: tuple[ListenerVerdicts, ...] = field(default=(), compare=False, repr=False)
+
+    @property
+    def ours(self) -> Scores:
+        """The scores of our detector."""
+        return self.detectors[OURS].scores
+
+    @property
+    def baseline(self) -> Scores:
+        """The scores of CaTCH's checks, tuned as ours are."""
+        return self.detectors[BASELINE].scores
 
 
 @dataclass(frozen=True)
-class _ReceivedMessages:
-    """M received messages, (M,) each: numbers, flags of both detectors, senders, whether these attack, and
-    arrival times."""
+class _ScoredMessages:
+    """The M received messages that count, (M,) each: numbers, senders, whether these attack, and arrival
+    times; flags and scores by detector."""
 
     numbers: list[int | None]
-    ours: Bools
-    baseline: Bools
     senders: np.ndarray[Any, np.dtype[np.int64]]
     is_attackers: Bools
-    times_s: np.ndarray[Any, np.dtype[np.float64]]
+    times_s: Float64
+    flagged: Mapping[str, Bools]
+    values: Mapping[str, Float64]
 
-    def scores(self, is_false_message: Bools, chosen: Bools) -> tuple[Scores, Scores]:
-        """Scores of our detector and of the baseline on the chosen messages."""
-        is_false, senders, times_s = is_false_message[chosen], self.senders[chosen], self.times_s[chosen]
-        about = is_false, senders, times_s, self.is_attackers[chosen]
-        return scores(self.ours[chosen], *about), scores(self.baseline[chosen], *about)
+    def results(self, is_false_message: Bools, chosen: Bools) -> dict[str, DetectorResult]:
+        """The result of each detector on the chosen messages."""
+        is_false = is_false_message[chosen]
+        about = is_false, self.senders[chosen], self.times_s[chosen], self.is_attackers[chosen]
+        return {
+            name: DetectorResult(
+                scores(flagged[chosen], *about), roc_curve(self.values[name][chosen], is_false).thinned()
+            )
+            for name, flagged in self.flagged.items()
+        }
 
 
 def detect(
     receptions: Sequence[ListenerReceptions],
     labels: Sequence[MessageLabel] = (),
-    config: DetectorConfig | None = None,
-    parameters: CatchParameters | None = None,
+    detectors: Mapping[str, MisbehaviourDetector] = MISBEHAVIOUR_DETECTORS,
     published: Mapping[str, float] | None = None,
     window: Window = WHOLE_DRIVE,
 ) -> Detection:
-    """Run both detectors, by default as tuned, on what each vehicle received, and score them by the labels.
+    """Run detectors on what each vehicle received, and score them by the labels.
 
     published: F1 for each attack in the bag, as `published_f1` reads it. window: messages that arrive in it
     count; detectors remember earlier ones. Without labels there are no false messages; with labels, a message
     counts if the bag records which sent message it was.
     """
-    config, parameters = config or DetectorConfig(), parameters or TUNED_CATCH
-    ours, baseline, senders, times_s, numbers, decoded = [], [], [], [], [], []
+    verdicts = tuple(_verdicts(each, labels, detectors, window) for each in receptions)
+    messages = _scored_messages(receptions, verdicts, labels)
+    is_false_message = _joined([each.is_false[each.is_scored] for each in verdicts], bool)
+    everything = np.ones(len(is_false_message), bool)
     flagged_by_check: Counter[str] = Counter()
-    attackers = {label.station_id for label in labels if label.attacker}
-    is_attackers: list[bool] = []
-    for place, each in enumerate(receptions):
-        judged = judge_all(each.claims, each.receivers, config)
-        inside = window.holds([one.arrival_ns for one in each.received])
-        if labels:
-            inside &= np.array([number is not None for number in each.numbers], bool)
-        received = [one for one, is_inside in zip(each.received, inside, strict=True) if is_inside]
-        ours.append(judged.flagged[inside])
-        baseline.append(catch_flags(catch_messages(each.claims, each.receivers), parameters)[inside])
-        senders.append([place * 2**32 + (one.station_id or 0) for one in received])
-        is_attackers += [one.station_id in attackers for one in received]
-        times_s.append([one.arrival_ns / 1e9 for one in received])
-        decoded.append(np.array([claim.is_cam for claim in each.claims], bool)[inside])
-        numbers += [one.number for one in received]
-        counts = judged.triggered(config)[inside & are_false(each.numbers, labels)].sum(axis=0).tolist()
-        flagged_by_check.update(dict(zip(CHECKS, counts, strict=True)))
-    messages = _ReceivedMessages(
-        numbers,
-        _joined(ours, bool),
-        _joined(baseline, bool),
-        _joined(senders, np.int64),
-        np.array(is_attackers, bool),
-        _joined(times_s, np.float64),
-    )
-    is_false_message = are_false(numbers, labels)
-    is_scored = _joined(decoded, bool) | is_false_message
+    for each in verdicts:
+        for name, check in each.detectors[OURS].checks.items():
+            flagged_by_check[name] += int((check.flagged & each.is_false & each.is_scored).sum())
+    received = sum(int(each.is_counted.sum()) for each in verdicts)
     return Detection(
         " + ".join(sorted({label.attack for label in labels})),
-        len(is_false_message),
+        received,
         int(is_false_message.sum()),
-        int((~is_scored).sum()),
-        *messages.scores(is_false_message, is_scored),
-        tuple(_parts(messages, labels, is_false_message, is_scored, published or {})),
+        received - len(is_false_message),
+        messages.results(is_false_message, everything),
+        tuple(_parts(messages, labels, is_false_message, published or {})),
         {name: count for name, count in flagged_by_check.most_common() if count},
+        verdicts,
+    )
+
+
+def _verdicts(
+    each: ListenerReceptions,
+    labels: Sequence[MessageLabel],
+    detectors: Mapping[str, MisbehaviourDetector],
+    window: Window,
+) -> ListenerVerdicts:
+    """The verdicts on all messages of a listener."""
+    numbers, arrivals_ns = each.numbers, [one.arrival_ns for one in each.received]
+    is_false = are_false(numbers, labels)
+    is_counted = window.holds(arrivals_ns)
+    if labels:
+        is_counted &= np.array([number is not None for number in numbers], bool)
+    is_scored = is_counted & (np.array([claim.is_cam for claim in each.claims], bool) | is_false)
+    found = {name: detector.judge(each.claims, each.receivers) for name, detector in detectors.items()}
+    return ListenerVerdicts(each.listener, numbers, arrivals_ns, is_false, is_counted, is_scored, found)
+
+
+def _scored_messages(
+    receptions: Sequence[ListenerReceptions],
+    verdicts: Sequence[ListenerVerdicts],
+    labels: Sequence[MessageLabel],
+) -> _ScoredMessages:
+    """The messages of all listeners that are scored."""
+    attackers = {label.station_id for label in labels if label.attacker}
+    pairs = list(zip(receptions, verdicts, strict=True))
+    kept = [
+        (place, one)
+        for place, (each, judged) in enumerate(pairs)
+        for one, is_scored in zip(each.received, judged.is_scored, strict=True)
+        if is_scored
+    ]
+    names = list(verdicts[0].detectors) if verdicts else list(MISBEHAVIOUR_DETECTORS)
+    return _ScoredMessages(
+        [one.number for _, one in kept],
+        np.array([place * 2**32 + (one.station_id or 0) for place, one in kept], np.int64),
+        np.array([one.station_id in attackers for _, one in kept], bool),
+        np.array([one.arrival_ns / 1e9 for _, one in kept], np.float64),
+        {n: _joined([v.detectors[n].flagged[v.is_scored] for v in verdicts], bool) for n in names},
+        {n: _joined([v.detectors[n].scores[v.is_scored] for v in verdicts], np.float64) for n in names},
     )
 
 
@@ -144,10 +212,9 @@ def published_f1(provenance: Provenance) -> dict[str, float]:
 
 
 def _parts(
-    received: _ReceivedMessages,
+    received: _ScoredMessages,
     labels: Sequence[MessageLabel],
     is_false_message: Bools,
-    is_scored: Bools,
     published: Mapping[str, float],
 ) -> list[ScoredAttack]:
     by_attack: dict[str, list[MessageLabel]] = {}
@@ -158,9 +225,8 @@ def _parts(
     for name, own in sorted(by_attack.items()):
         is_false = are_false(received.numbers, own)
         attack = own[0].part if own[0].attack_and_part == name and own[0].part else own[0].attack
-        found = received.scores(is_false, is_scored & (is_false | ~is_false_message))
-        f1 = published.get(attack, math.nan)
-        parts.append(ScoredAttack(name, int(is_false.sum()), *found, f1))
+        found = received.results(is_false, is_false | ~is_false_message)
+        parts.append(ScoredAttack(name, int(is_false.sum()), found, published.get(attack, math.nan)))
     return parts
 
 

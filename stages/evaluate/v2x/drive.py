@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +16,9 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.messages import MessageLabel, read_labels
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
-from advpipe.pipeline.misbehaviour.catch import CatchParameters
-from advpipe.pipeline.misbehaviour.config import DetectorConfig
+from advpipe.pipeline.misbehaviour.detectors import MISBEHAVIOUR_DETECTORS
 from advpipe.pipeline.misbehaviour.roads import RoadMap
+from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector
 from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.results.v2x import RadioMetrics, Warnings
 from advpipe.stages.evaluate.v2x.collision import known_of_radio, warnings
@@ -93,8 +93,7 @@ class EvaluatedDrive:
 def read_drive(
     bag: Path,
     name: str,
-    config: DetectorConfig | None = None,
-    parameters: CatchParameters | None = None,
+    detectors: Mapping[str, MisbehaviourDetector] = MISBEHAVIOUR_DETECTORS,
     window: Window = WHOLE_DRIVE,
 ) -> EvaluatedDrive:
     """Evaluate the V2X of a bag.
@@ -111,7 +110,7 @@ def read_drive(
     found = {one: list(moments(reader, one, recording.expiry_s, window)) for one in listeners}
     return EvaluatedDrive(
         name,
-        detect(receptions, labels, config, parameters, published_f1(reader.provenance), window),
+        detect(receptions, labels, detectors, published_f1(reader.provenance), window),
         found,
         {one: ldm_error(found[one]) for one in listeners},
         {

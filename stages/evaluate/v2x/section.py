@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,25 +15,29 @@ from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.labels.messages import has_labels, read_labels
 from advpipe.pipeline.messages.topics import LANES, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.misbehaviour import tuned
-from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH, CatchParameters
 from advpipe.pipeline.misbehaviour.config import NEED_ROADS, DetectorConfig
+from advpipe.pipeline.misbehaviour.detectors import MISBEHAVIOUR_DETECTORS
 from advpipe.pipeline.misbehaviour.scores import Scores
-from advpipe.pipeline.results.v2x import AttackScores, ScoreMetrics, V2xRecord
+from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector
+from advpipe.pipeline.results.v2x import AttackScores, DetectorRecord, ScoreMetrics, V2xRecord
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import picture_of
 from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
+from advpipe.stages.evaluate.v2x.roc_picture import draw_roc
 from advpipe.stages.evaluate.v2x.tables import (
     baseline_table,
     check_table,
+    comparison_table,
     detection_overview,
     detection_table,
     radio_table,
     victim_overview,
     victim_table,
 )
+from advpipe.stages.evaluate.v2x.verdict_table import VERDICTS_FILE, VerdictTable
 
 FORMULAS = (
     Formula(
@@ -51,6 +55,16 @@ FORMULAS = (
         "vehicle counts once",
         ("precision", "recall", "f1", "mcc", "false_positive_rate", "baseline_f1"),
         title="F1 and MCC of misbehaviour detection",
+    ),
+    Formula(
+        "ROC, AUC",
+        "recall against the false-positive rate, as the threshold on a detector's score of a message falls; "
+        "the area under the whole curve is the probability that a false message has a higher score than an "
+        "honest one. Each score is the worst of a message's checks: of ours, the largest ratio of a "
+        "statistic to its threshold; of CaTCH, 1 minus the smallest factor. What a message is compared with "
+        "stays as it is at the detector's own threshold",
+        ("auc", "roc_false_positive_rates", "roc_recalls"),
+        title="ROC curve and the area under it (AUC)",
     ),
     Formula(
         "innocent flagged",
@@ -109,27 +123,23 @@ def v2x_sections(
     clean: Path,
     adversarial: Sequence[Path],
     seed: int = 0,
-    config: DetectorConfig | None = None,
-    parameters: CatchParameters = TUNED_CATCH,
+    detectors: Mapping[str, MisbehaviourDetector] = MISBEHAVIOUR_DETECTORS,
     window: Window = WHOLE_DRIVE,
 ) -> tuple[ReportSection, ...]:
     """One section on all adversarial bags in which messages were attacked; none where there are none.
 
-    config, parameters: of our detector and of the baseline. window: as `read_drive` takes it. `seed` serves
-    no draw here. Raises AdvpipeError for bags whose V2X or labels cannot be read.
+    window: as `read_drive` takes it. `seed` serves no draw here. Raises AdvpipeError for bags whose V2X or
+    labels cannot be read.
     """
     del seed
     labelled = [bag for bag in adversarial if has_v2x(bag) and has_labels(bag)]
     touched = [bag for bag in labelled if read_labels(bag)]
     if not touched or not has_v2x(clean):
         return ()
-    config = config or DetectorConfig()
     named = [(clean, "clean"), *((bag, bag_name(bag)) for bag in touched)]
-    first, *others = (
-        read_drive(bag, name, config, parameters, window)
-        for bag, name in track(named, "V2X of each bag", len(named))
-    )
-    found = section(first, others, config, parameters)
+    with VerdictTable() as table:
+        first, *others = _drives(named, detectors, window, table)
+    found = replace(section(first, others), files={VERDICTS_FILE: table.content})
     untouched = [bag_name(bag) for bag in labelled if bag not in touched]
     notes = (
         [f"{', '.join(untouched)}: the attacks touched no message, so there is nothing to evaluate."]
@@ -141,12 +151,20 @@ def v2x_sections(
     return (replace(found, notes=(*found.notes, *notes)),)
 
 
-def section(
-    clean: EvaluatedDrive,
-    attacked: Sequence[EvaluatedDrive],
-    config: DetectorConfig,
-    parameters: CatchParameters = TUNED_CATCH,
-) -> ReportSection:
+def _drives(
+    named: Sequence[tuple[Path, str]],
+    detectors: Mapping[str, MisbehaviourDetector],
+    window: Window,
+    table: VerdictTable,
+) -> Iterator[EvaluatedDrive]:
+    """The evaluated bags; their verdicts go into the table, as those of all bags would fill the memory."""
+    for bag, name in track(named, "V2X of each bag", len(named)):
+        drive = read_drive(bag, name, detectors, window)
+        table.add(name, drive.detection.verdicts)
+        yield replace(drive, detection=replace(drive.detection, verdicts=()))
+
+
+def section(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> ReportSection:
     """Tables, pictures and records of drives that have been read."""
     drives = (clean, *attacked)
     return ReportSection(
@@ -155,10 +173,11 @@ def section(
         lead=_lead(clean, attacked),
         tables=(
             detection_table(attacked),
+            comparison_table(attacked),
             victim_table(drives),
             radio_table(drives),
-            check_table(config, attacked, any(drive.roads for drive in drives)),
-            baseline_table(parameters),
+            check_table(DetectorConfig(), attacked, any(drive.roads for drive in drives)),
+            baseline_table(),
         ),
         pictures=tuple(_pictures(clean, attacked)),
         records=tuple(_record(clean, drive, listener) for drive in drives for listener in drive.errors),
@@ -213,6 +232,9 @@ def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list
     has_published = any(part.published == part.published for d in attacked for part in d.detection.parts)
     caption = f"F1 of each attack{'; the published values are of other data' if has_published else ''}"
     figures = [("", "v2x-detection.png", caption, draw_detection([d.detection for d in attacked]))]
+    if any(part.detectors and part.false_messages for d in attacked for part in d.detection.parts):
+        caption = "ROC curve of each attack and detector; a dot marks the share that the detector flags"
+        figures.append(("", "v2x-roc.png", caption, draw_roc([d.detection for d in attacked])))
     for drive in attacked:
         listener = drive.most_affected_listener
         if listener is None or not drive.moments[listener]:
@@ -246,7 +268,20 @@ def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xR
         has_roads=drive.roads is not None,
         attacks=tuple(
             AttackScores(
-                one.attack, one.false_messages, _score_metrics(one.ours), _score_metrics(one.baseline)
+                one.attack,
+                one.false_messages,
+                _score_metrics(one.ours),
+                _score_metrics(one.baseline),
+                tuple(
+                    DetectorRecord(
+                        name,
+                        _score_metrics(result.scores),
+                        result.roc.auc,
+                        result.roc.false_positive_rates,
+                        result.roc.recalls,
+                    )
+                    for name, result in one.detectors.items()
+                ),
             )
             for one in each.parts
         ),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 
-from advpipe.pipeline.misbehaviour.catch import CATCH_MEANINGS, CatchParameters
+from advpipe.pipeline.misbehaviour.catch import BOUNDED_CATCH, CATCH_MEANINGS, F1_CATCH, PUBLISHED_CATCH
 from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorConfig
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.stages.evaluate.report.numbers import NOTHING, formatted_number
@@ -29,6 +29,13 @@ VICTIM_NOTE = (
     "ones more than 3 m off; error: mean distance of entries from their stations. Alarms: collision warnings "
     "fed by the map; dangers: the same warnings fed by true positions. Honest CAMs received: share of the "
     "CAMs sent within 300 m that the attack did not touch, in the clean drive → in the attacked one."
+)
+
+COMPARISON_NOTE = (
+    "advpipe: our detector; catch: CaTCH's checks as VeReMi NextGen has them, tuned with the same bound on "
+    "false positives as ours; catch-f1: tuned for F1 alone; catch-published: with the parameters that "
+    "NextGen published for its urban simulation of 2 a.m. Your own detectors stand beside them. AUC: area "
+    "under the ROC curve."
 )
 
 ATTACKED_NOTE = " Attacked: from the first attacked message sent to the last."
@@ -98,7 +105,7 @@ def _scored_attacks(attacked: Sequence[EvaluatedDrive]) -> Iterator[tuple[Evalua
     for drive in attacked:
         each = drive.detection
         if all(part.false_messages != each.false_messages for part in each.parts):
-            yield drive, ScoredAttack("all", each.false_messages, each.ours, each.baseline, math.nan)
+            yield drive, ScoredAttack("all", each.false_messages, each.detectors, math.nan)
         for part in each.parts:
             yield drive, part
 
@@ -209,15 +216,33 @@ def check_table(config: DetectorConfig, attacked: Sequence[EvaluatedDrive], has_
     return Table("Checks of the misbehaviour detector", heads, tuple(lines), is_detail=True)
 
 
-def baseline_table(parameters: CatchParameters) -> Table:
+def comparison_table(attacked: Sequence[EvaluatedDrive]) -> Table:
+    """F1 and AUC of every detector on each attack."""
+    names = list(attacked[0].detection.detectors) if attacked else []
+    heads = ("attack", *(head for name in names for head in (f"{name}: F1", "AUC", "flagged honest %")))
+    lines = []
+    for drive, part in _scored_attacks(attacked):
+        cells = []
+        for name in names:
+            found = part.detectors[name]
+            cells += [
+                *(formatted_number(found.scores.f1, 3), formatted_number(found.roc.auc, 3)),
+                formatted_number(100 * found.scores.false_positive_rate, 2),
+            ]
+        lines.append((_title(drive, part), *(cells if part.false_messages else (NOTHING,) * len(cells))))
+    return Table("Misbehaviour detectors compared", heads, tuple(lines), COMPARISON_NOTE)
+
+
+def baseline_table() -> Table:
     """The baseline's parameters, as tuned and as published."""
-    published = asdict(CatchParameters())
+    published = {f"published, {name}": each for name, each in PUBLISHED_CATCH.items()}
+    columns = {"catch": BOUNDED_CATCH, "catch-f1": F1_CATCH, **published}
+    values = {name: asdict(parameters) for name, parameters in columns.items()}
     lines = tuple(
-        (name, meaning, checks, f"{value:.4g} {_unit(unit)}", f"{published[name]:.4g} {_unit(unit)}")
-        for name, value in asdict(parameters).items()
-        for unit, checks, meaning in (CATCH_MEANINGS[name],)
+        (key, meaning, checks, _unit(unit), *(f"{each[key]:.4g}" for each in values.values()))
+        for key, (unit, checks, meaning) in CATCH_MEANINGS.items()
     )
-    heads = ("parameter", "meaning", "checks", "tuned", "default")
+    heads = ("parameter", "meaning", "checks", "unit", *values)
     return Table("Parameters of the baseline (CaTCH's checks)", heads, lines, is_detail=True)
 
 

@@ -13,6 +13,8 @@ from advpipe.stages.attack.provenance import LIDAR, MESSAGES
 from advpipe.stages.evaluate.provenance import REPORTING, SCORING
 
 NO_FIGURE = {
+    "pipeline/misbehaviour/detectors.py",
+    "pipeline/misbehaviour/verdicts.py",
     "pipeline/bag/lidar_mount.py",
     "pipeline/detector/input_notice.py",
     "pipeline/bag/__init__.py",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -23,6 +24,8 @@ ROUND = Expectation(
     yaw_rate_change_radps=0.0,
     overhang_m=0.0,
     turn_share=0.0,
+    swing_share=0.0,
+    acceleration_share=0.0,
     speed_bias_mps=0.0,
 )
 """So that a standard deviation of the way is t² metres: an eighth of 8 m/s² times t²."""
@@ -105,6 +108,30 @@ def test_acceleration(make: Make) -> None:
     assert found == pytest.approx(1.5 / math.sqrt(1.01))
     fits = make(0.5, speed_mps=10.75, acceleration_mps2=2.0)
     assert checks.acceleration_sigma(fits, before, ROUND) == 0.0
+
+
+def test_hard_braking_is_expected_to_change(make: Make) -> None:
+    """At 6 m/s² the driver may change it by 3 within a second: 0.3 over half a second, beside the rest."""
+    before = make(0.0, acceleration_mps2=-6.0)
+    after = make(0.5, speed_mps=8.5, acceleration_mps2=-6.0)  # 1.5 less, where 3 are claimed
+    expected = replace(ROUND, acceleration_change_mps2=0.0, acceleration_share=0.5)
+    sigma = math.hypot(0.1, 0.5 * 6.0 * 0.5 * 0.5)
+    assert checks.acceleration_sigma(after, before, expected) == pytest.approx(1.5 / sigma)
+
+
+def test_the_centre_of_a_turning_box_swings(make: Make) -> None:
+    """A bus of 12 m that turns by 0.2 rad: half of 6 m times 0.2, by headings or yaw rates."""
+    expected = replace(ROUND, swing_share=0.5)
+    before = make(0.0, length_m=12.0)
+    assert checks.swing_m(make(0.5, length_m=12.0, yaw_rad=0.2), before, expected) == pytest.approx(0.6)
+    by_rate = make(0.5, length_m=12.0, yaw_rate_radps=0.4)
+    assert checks.swing_m(by_rate, before, expected) == pytest.approx(0.6)
+    around = make(0.5, length_m=12.0, yaw_rad=math.pi)  # no vehicle swings by more than 1 rad
+    assert checks.swing_m(around, before, expected) == pytest.approx(3.0)
+    assert checks.swing_m(around._replace(length_m=math.nan), before, expected) == 0.0
+    jump = make(0.5, x_m=5.6, yaw_rad=0.0, yaw_rate_radps=0.4, length_m=12.0)
+    sigma = math.hypot(8.0 * 0.25 / 8, 0.6)
+    assert checks.position_speed_sigma(jump, before, expected) == pytest.approx(0.6 / sigma)
 
 
 def test_dynamics(make: Make) -> None:

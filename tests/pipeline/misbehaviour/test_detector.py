@@ -11,7 +11,7 @@ import pytest
 
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
-from advpipe.pipeline.misbehaviour.detector import MisbehaviourDetector, judge_all
+from advpipe.pipeline.misbehaviour.detector import OnlineDetector, judge_all
 
 Make = Callable[..., Claim]
 SIGMAS = ("position_speed", "drift", "heading", "turn", "acceleration", "impulse")
@@ -173,8 +173,18 @@ def test_unknown_checks_are_refused() -> None:
 
 def test_a_flood_of_names_is_forgotten(make: Make, ego: ReceivingVehicle) -> None:
     """100 s of a new station each 0.1 s: none is kept for more than twice `memory_s`."""
-    detector, most = MisbehaviourDetector(CONFIG), 0
+    detector, most = OnlineDetector(CONFIG), 0
     for nth in range(1000):
         detector.judge(make(0.1 * nth, 1000 + nth), ego)
         most = max(most, len(detector._stations))
     assert most <= 2 * CONFIG.memory_s * 10 + 2
+
+
+def test_a_false_speed_is_compared_with_the_newest_message_too(make: Make, ego: ReceivingVehicle) -> None:
+    """Its place is right, its speed is 4 m/s too low, then 4 too high: a second after the last true one,
+    4 m/s may be an acceleration, 8 m/s within 0.2 s may not."""
+    config = replace(CONFIG, thresholds={**CONFIG.thresholds, "position_speed": 50.0, "acceleration": 12.0})
+    claims = [make(0.2 * n) for n in range(4)]
+    claims += [make(0.6 + 0.2 * n, speed_mps=6.0 if n % 2 else 14.0) for n in range(1, 8)]
+    found = judge_all(claims, [ego] * len(claims), config)
+    assert found.flagged.tolist() == [False] * 4 + [True] * 7

@@ -12,7 +12,6 @@ from section_rows import rows_of
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.labels.messages import MessageLabel
-from advpipe.pipeline.misbehaviour.config import DetectorConfig
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.radio import MessageNumbers
 from advpipe.stages.evaluate.v2x.section import section
@@ -52,7 +51,7 @@ def test_nobody_listens(clean: EvaluatedDrive) -> None:
     """No map, so no picture of one, nor a line about a victim."""
     silent = replace(clean, name="silent", errors={}, moments={}, warned={}, received={})
     assert silent.most_affected_listener is None
-    made = section(clean, [silent], DetectorConfig())
+    made = section(clean, [silent])
     assert [picture.file_name for picture in made.pictures] == ["v2x-detection.png"]
     assert [record["bag"] for record in rows_of(made)] == ["clean"]
 

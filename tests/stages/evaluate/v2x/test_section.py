@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -13,16 +14,22 @@ from section_rows import rows_of
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.messages.topics import LANES
-from advpipe.pipeline.misbehaviour.catch import TUNED_CATCH
-from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorConfig
+from advpipe.pipeline.misbehaviour.catch import BOUNDED_CATCH
+from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS
+from advpipe.pipeline.misbehaviour.detectors import MISBEHAVIOUR_DETECTORS
+from advpipe.pipeline.misbehaviour.roc import RocCurve
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.report.section import SECTION, ReportSection
-from advpipe.stages.evaluate.v2x.detection import ScoredAttack
+from advpipe.stages.evaluate.v2x.detection import DetectorResult, ScoredAttack
 from advpipe.stages.evaluate.v2x.section import read_drive, section, v2x_sections
 from advpipe.stages.evaluate.v2x.tables import detection_table
+
+NOTHING_FOUND = dict.fromkeys(
+    MISBEHAVIOUR_DETECTORS, DetectorResult(Scores(0, 3, 10, 0), RocCurve((), (), math.nan))
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +42,10 @@ def test_section(found: ReportSection, offset: Path) -> None:
     assert found.key == "v2x"
     for table in found.tables:
         assert all(len(line) == len(table.heads) for line in table.lines)
-    detection, victim, radio, checks, baseline = found.tables
+    detection, comparison, victim, radio, checks, baseline = found.tables
     assert detection.lines[0][0].endswith("cam-position-offset")
+    assert comparison.lines[0][0] == detection.lines[0][0]
+    assert len(comparison.heads) == 1 + 3 * len(MISBEHAVIOUR_DETECTORS)
     assert [line[0] for line in victim.lines if line[0]] == ["clean", offset.name]
     assert len(radio.lines) == 2
     assert [line[0] for line in checks.lines] == list(CHECKS)
@@ -45,9 +54,10 @@ def test_section(found: ReportSection, offset: Path) -> None:
     assert (limits["frequency"], limits["decoding"]) == ("12.5 Hz", "0.5")  # a number alone has no unit
     assert limits["range"] == f"{THRESHOLDS['range']:.0f} m"
     assert found.notes == ()
-    assert [line[0] for line in baseline.lines] == list(asdict(TUNED_CATCH))
+    assert [line[0] for line in baseline.lines] == list(asdict(BOUNDED_CATCH))
     assert [picture.file_name for picture in found.pictures] == [
         "v2x-detection.png",
+        "v2x-roc.png",
         f"{offset.name}-ldm.png",
         f"{offset.name}-ldm-error.png",
     ]
@@ -79,9 +89,9 @@ def test_nothing_to_say_without_attacks_on_messages(smoke: Path) -> None:
 def test_bags_without_false_messages_do_not_count_in_the_mean(smoke: Path, offset: Path) -> None:
     """Messages left out are no lies to find: 3 honest ones flagged would make F1 0."""
     clean, lied = read_drive(smoke, "clean"), read_drive(offset, "offset")
-    none = replace(lied.detection, false_messages=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0))
-    lead = section(clean, [lied, replace(lied, name="drop", detection=none)], DetectorConfig()).lead
-    assert lead == section(clean, [lied], DetectorConfig()).lead
+    none = replace(lied.detection, false_messages=0, detectors=NOTHING_FOUND)
+    lead = section(clean, [lied, replace(lied, name="drop", detection=none)]).lead
+    assert lead == section(clean, [lied]).lead
     assert lead.startswith("Mean F1 over 1 bag with false messages: ")
 
 
@@ -90,9 +100,7 @@ def test_lines_where_one_attack_is_all_or_no_message_is_false(offset: Path) -> N
     lied = read_drive(offset, "offset")
     (own,) = lied.detection.parts
     half = replace(own, attack="cam-mix / cam-delay", false_messages=own.false_messages - 1)
-    none = replace(
-        own, attack="cam-drop", false_messages=0, ours=Scores(0, 3, 10, 0), baseline=Scores(0, 3, 10, 0)
-    )
+    none = replace(own, attack="cam-drop", false_messages=0, detectors=NOTHING_FOUND)
 
     def lines(*parts: ScoredAttack) -> list[tuple[str, ...]]:
         return list(detection_table([replace(lied, detection=replace(lied.detection, parts=parts))]).lines)
@@ -122,10 +130,10 @@ def test_without_its_roads_a_bag_has_those_checks_off_and_the_report_says_so(
 ) -> None:
     (on,) = v2x_sections(smoke, [offset])
     assert on.notes == ()
-    assert "off" not in [line[2] for line in on.tables[3].lines]
+    assert "off" not in [line[2] for line in on.tables[4].lines]
     roadless = [without_lanes(bag, tmp_path / bag.name) for bag in (smoke, offset)]
     (off,) = v2x_sections(roadless[0], roadless[1:])
-    assert [line[0] for line in off.tables[3].lines if line[2] == "off"] == ["position", "wrong_way"]
+    assert [line[0] for line in off.tables[4].lines if line[2] == "off"] == ["position", "wrong_way"]
     (note,) = off.notes
     assert f"{roadless[0].name}, {roadless[1].name}: the bag does not hold its roads (/map/lanes)" in note
 

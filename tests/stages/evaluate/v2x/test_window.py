@@ -93,7 +93,7 @@ def test_channel_metrics_are_of_whole_drives_only(smoke: Path, offset: Path) -> 
     assert len(radio) == 6
     for before, after in zip(rows_of(whole), rows_of(same), strict=True):
         np.testing.assert_equal(after, {k: v for k, v in before.items() if k not in radio})
-    assert [len(found.tables[2].lines) for found in (whole, same)] == [2, 0]
+    assert [len(found.tables[3].lines) for found in (whole, same)] == [2, 0]
     assert whole.notes == ()
     assert "No metrics of the radio channel" in same.notes[-1]
 
