@@ -100,7 +100,8 @@ def preset_names(incomplete: str) -> list[str]:
     """The presets of all families of detectors."""
     from advpipe.pipeline.detector.families import FAMILIES
 
-    return _beginning((name for family in FAMILIES.values() for name in family.presets), incomplete)
+    names = dict.fromkeys(name for family in FAMILIES.values() for name in family.presets)
+    return _beginning(names, incomplete)
 
 
 def words_of(known: Iterable[str]) -> Callable[[str], list[str]]:
