@@ -28,6 +28,7 @@ def sweep(
     detector: str = SweepOptions.detector,
     device: str = SweepOptions.device,
     seed: int = SweepOptions.seed,
+    seeds: int = SweepOptions.seeds,
     baseline_tries: int | None = SweepOptions.baseline_tries,
     lidar: str | None = SweepOptions.lidar_topic,
     lidar_height_m: float | None = SweepOptions.lidar_height_m,
@@ -42,10 +43,10 @@ def sweep(
 
     bag: a clean bag or its data set, by default the newest under `datasets`. table: whose budgets. recipes:
     of the attacks, such as `("best", "paper")`. cells: some budgets only, such as `("perturb-10",
-    "detach-1")`. frames: `start:stop:step`, by default at most 100, equally spaced over the bag. keep_bags:
-    keeps the adversarial bags that are made. out: the folder, by default `reports/sweep-<detector>` of the
-    data set; finished cells in it are kept. overwrite: removes those of other settings. The other options are
-    those of `evaluate`.
+    "detach-1")`. frames: `start:stop:step`, by default at most 100, equally spaced over the bag. seeds: how
+    many, from `seed` on. keep_bags: keeps the adversarial bags that are made. out: the folder, by default
+    `reports/sweep-<detector>` of the data set; finished cells in it are kept. overwrite: removes those of
+    other settings. The other options are those of `evaluate`.
 
     Returns what the folder holds now, with a row a finished cell. Raises UsageError for an unknown budget,
     recipe or detector, and for a folder that is no sweep's.
@@ -62,6 +63,7 @@ def sweep(
         detector=detector,
         device=device,
         seed=seed,
+        seeds=seeds,
         baseline_tries=baseline_tries,
         lidar_topic=lidar,
         lidar_height_m=lidar_height_m,

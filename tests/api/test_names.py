@@ -28,7 +28,7 @@ ONLY_FOR_TERMINALS = {
 """Options of the command line that are parameters of an attack, by their names, in Python; and a check."""
 RENAMED = {"evaluate": {"bags": "adversarial"}}
 """A few options have other names inside the command line, which users do not see."""
-SHOWN = {"evaluate": {"detector": "small"}}
+SHOWN = {"evaluate": {"detector": "small", "defence": "default", "detect_attacks": "ray"}}
 """Defaults that the command line does not state as such, but shows."""
 
 
