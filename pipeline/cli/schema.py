@@ -1,4 +1,4 @@
-"""The command that prints the JSON Schemas of scenario files and of reports."""
+"""The command that prints the JSON Schemas of scenario files, grid files and reports."""
 
 from __future__ import annotations
 
@@ -18,34 +18,41 @@ class SchemaKind(str, Enum):
 
     scenario = "scenario"
     report = "report"
+    grid = "grid"
 
 
 @with_progress("making the schema", at_once=False)
 def schema_command(
     of: Annotated[
-        SchemaKind, typer.Option("--of", help="Scenario files, or the report.json of `evaluate`.")
+        SchemaKind, typer.Option("--of", help="Scenario files, grid files, or the report.json of `evaluate`.")
     ] = SchemaKind.scenario,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """The JSON Schema of scenario files, for editors and checkers; or that of reports.
+    """The JSON Schema of scenario files, for editors and checkers; or that of grid files or of reports.
 
-    Editors with a YAML language server complete and check a scenario that starts with the line
+    Editors with a YAML language server complete and check a file that starts with the line
     `# yaml-language-server: $schema=FILE`.
     """
+    from advpipe.pipeline.campaigns.grid.models import grid_schema_json
     from advpipe.pipeline.core.atomic_file import write_new
     from advpipe.pipeline.results.schema import report_schema_json
     from advpipe.pipeline.scenario.schema import schema_json
 
-    text = report_schema_json() if of is SchemaKind.report else schema_json()
+    makers = {
+        SchemaKind.scenario: schema_json,
+        SchemaKind.report: report_schema_json,
+        SchemaKind.grid: grid_schema_json,
+    }
+    text = makers[of]()
     if out is None:
         return Answer(json.loads(text), print_line(text))
     write_new(out, f"{text}\n", overwrite)
     used = (
         typed("evaluate", "--json")
         if of is SchemaKind.report
-        else f"# yaml-language-server: $schema={out}    (as the first line of a scenario)"
+        else f"# yaml-language-server: $schema={out}    (as the first line of a {of.value})"
     )
     return Answer({"schema": out}, lambda: None, made={"schema": out}, next_commands=[used])
