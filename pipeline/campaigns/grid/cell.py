@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -20,14 +22,18 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class GridOrigin(Document):
-    """What made a cell. commit: of advpipe's sources, None outside a checkout."""
+    """What made a cell.
+
+    detector_sha256: "" for a class without a source file. commit: of advpipe's sources, None outside a
+    checkout.
+    """
 
     advpipe: ShortText
     code_sha256: Sha256
     commit: ShortText | None
     clean_sha256: Sha256
     bag_sha256: Sha256
-    detector_sha256: Sha256
+    detector_sha256: ShortText
     attacked_against: ShortText | None
     is_white_box: bool | None
 
@@ -77,13 +83,20 @@ class GridCell:
     detector: str
     defence: str
 
-    def identity(self, grid: GridFile, detector_sha256: str, device: str) -> dict[str, Any]:
-        """All that decides its figures but the code: no name that the user may change."""
+    def identity(self, grid: GridFile, sha256_of: Mapping[str, str], device: str) -> dict[str, Any]:
+        """All that decides its figures but the code: no name that the user may change, and no path.
+
+        sha256_of: by detector, those that are attacked among them.
+        """
         return {
             "drive": self.drive.id,
-            "attack": [spec.model_dump(mode="json") for spec in grid.attacks[self.attack]],
-            "detector_sha256": detector_sha256,
-            "detector": self.detector.rpartition("/")[2],
+            "attack": [
+                spec.model_dump(mode="json")
+                | {"detector": Path(spec.detector).name, "detector_sha256": sha256_of[spec.detector]}
+                for spec in grid.attacks[self.attack]
+            ],
+            "detector_sha256": sha256_of[self.detector],
+            "detector": Path(self.detector).name,
             "defence": self.defence,
             "frames": grid.frames,
             "baseline_tries": grid.baseline_tries,
@@ -112,7 +125,7 @@ class ScoredCell:
             "grid": grid,
             **cell.drive.levels,
             **{"seed": cell.drive.seed, "drive": cell.drive.id, "attack": cell.attack},
-            **{"detector": cell.detector.rpartition("/")[2], "defence": cell.defence},
+            **{"detector": Path(cell.detector).name, "defence": cell.defence},
         }
         origin = self.stored.origin.model_dump()
         return [{**names, **values.model_dump(), **origin} for values in self.stored.values]

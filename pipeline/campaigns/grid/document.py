@@ -104,7 +104,7 @@ def ratio_table(grid: GridFile, groups: Sequence[GridGroup]) -> Table:
         lines.append(
             (
                 *map(str, levels),
-                *(attack, detector.rpartition("/")[2], defence, str(len(group.seeds))),
+                *(attack, Path(detector).name, defence, str(len(group.seeds))),
                 formatted_number(group.map_clean(), 3),
                 with_interval(ratio.percent, ratio.ci95),
                 with_interval(random.percent, random.ci95),
@@ -127,7 +127,7 @@ def range_table(grid: GridFile, groups: Sequence[GridGroup]) -> Table:
         ratios = [group.ratio(stratum) for stratum in (WHOLE, *RANGES)]
         if any(each.percent == each.percent for each in ratios[1:]):
             texts = [with_interval(each.percent, each.ci95) for each in ratios]
-            lines.append((*map(str, levels), attack, detector.rpartition("/")[2], *texts))
+            lines.append((*map(str, levels), attack, Path(detector).name, *texts))
     heads = (*grid.factors, "attack", "detector", "all objects", *RANGES)
     return Table("mAP ratio by range, in percent", heads, tuple(lines))
 

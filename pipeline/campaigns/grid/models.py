@@ -18,6 +18,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 SEED_KEY = "simulation.seed"
 UNDEFENDED = "none"
 
+IN_A_DATA_SET = ("clean", "scenario.yaml")
 LONGEST_LABEL = 60
 MOST_LEVELS, MOST_SEEDS, MOST_CELLS = 1000, 10_000, 100_000
 
@@ -86,6 +87,8 @@ class GridFile(Section):
         if SEED_KEY in keys | self.settings.keys():
             raise ValueError(f"{SEED_KEY} is set by `seeds`; leave it out")
         for name, specs in self.attacks.items():
+            if name in IN_A_DATA_SET:
+                raise ValueError(f"attacks.{name}: the drive itself is named so; choose another name")
             if any(spec.frames != AttackOptions.frames for spec in specs):
                 raise ValueError(f"attacks.{name}: give `frames` at the top of the grid, for all attacks")
         if self.cells > MOST_CELLS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import cycle, product
+from pathlib import Path
 
 import numpy as np
 
@@ -27,7 +28,7 @@ def grid_pictures(grid: GridFile, groups: Sequence[GridGroup]) -> list[ReportPic
     found = []
     for number, detector in enumerate(grid.detectors):
         mine = [group for group in groups if group.key[2] == detector]
-        name = detector.rpartition("/")[2]
+        name = Path(detector).name
         caption = f"mAP ratio in percent over {len(grid.seeds)} drives each, seen by {name}"
         figure = draw_heat_map(grid, mine)
         found.append(picture_of(OVERVIEW, "", f"heat{number + 1}.png", caption, figure))

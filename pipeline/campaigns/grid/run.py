@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from advpipe.pipeline.campaigns.grid.document import print_grid, write_grid
 from advpipe.pipeline.campaigns.grid.load import GridDrive, LoadedGrid, load_grid
 from advpipe.pipeline.campaigns.grid.models import UNDEFENDED
 from advpipe.pipeline.campaigns.grid.score import score_bag
-from advpipe.pipeline.campaigns.grid.store import GridStore, refuse_other_drive
+from advpipe.pipeline.campaigns.grid.store import GridStore, other_drive
 from advpipe.pipeline.campaigns.run import has_drive, is_made_by
 from advpipe.pipeline.campaigns.sweep.settings import CODE
 from advpipe.pipeline.core.code import code_sha256, source_commit
@@ -36,10 +36,14 @@ WRITING_GRID = "writing the page"
 
 @dataclass(frozen=True)
 class Grid:
-    """A loaded grid and its folder, which keeps the drives and the finished cells."""
+    """A loaded grid and its folder, which keeps the drives and the finished cells.
+
+    sha256_of: by detector, those that are attacked among them.
+    """
 
     loaded: LoadedGrid
     store: GridStore
+    sha256_of: Mapping[str, str]
     device: str
     workers: int | None
     keep_bags: bool
@@ -71,7 +75,9 @@ class Grid:
                 for drive in loaded.drives:
                     request.refuse_without_v2x(name, drive.scenario)
         folder = working_path("grids") / loaded.file.name if out is None else out
-        return cls(loaded, GridStore(folder), device, workers, keep_bags, overwrite)
+        attacked = [spec.detector for specs in loaded.file.attacks.values() for spec in specs]
+        sha256_of = {name: detector_sha256(name) for name in (*loaded.file.detectors, *attacked)}
+        return cls(loaded, GridStore(folder), sha256_of, device, workers, keep_bags, overwrite)
 
     def cells(self, drive: GridDrive) -> list[GridCell]:
         """The cells of a drive."""
@@ -109,11 +115,8 @@ class Grid:
             if not has_drive(data_set, drive.scenario, overwrite=False):
                 simulate(drive.scenario, data_set)
             clean_sha256 = parent_sha256(data_set / "clean")
-        if not self.overwrite:
-            for cell in self.cells(drive):
-                if kept := self._stored(cell):
-                    refuse_other_drive(kept.origin, clean_sha256, data_set)
-        for name in attacks:
+        missing = [*missing, *self._of_another_drive(drive, clean_sha256, data_set)]
+        for name in dict.fromkeys(cell.attack for cell in missing):
             with working_on(name):
                 bag = self._attack(drive, name, data_set)
                 for detector in self.loaded.file.detectors:
@@ -122,6 +125,20 @@ class Grid:
                         self._score(data_set / "clean", bag, cells, clean_sha256)
                 if not self.keep_bags:
                     remove_output(bag)
+
+    def _of_another_drive(self, drive: GridDrive, clean_sha256: str, data_set: Path) -> list[GridCell]:
+        """The finished cells that were made of a drive with other bytes, to be computed again.
+
+        Raises UsageError for one, unless `overwrite`.
+        """
+        found = []
+        for cell in self.cells(drive):
+            kept = self._stored(cell)
+            if kept is not None and kept.origin.clean_sha256 != clean_sha256:
+                if not self.overwrite:
+                    raise other_drive(kept.origin, clean_sha256, data_set)
+                found.append(cell)
+        return found
 
     def _attack(self, drive: GridDrive, name: str, data_set: Path) -> Path:
         """Make the adversarial bag of an attack, unless a stopped run has made it."""
@@ -155,7 +172,7 @@ class Grid:
             commit=source_commit(),
             clean_sha256=clean_sha256,
             bag_sha256=parent_sha256(bag),
-            detector_sha256=detector_sha256(first.detector),
+            detector_sha256=self.sha256_of[first.detector],
             attacked_against=scored.row.attack.attacked_against,
             is_white_box=scored.row.attack.is_white_box,
         )
@@ -170,7 +187,7 @@ class Grid:
             )
 
     def _identity(self, cell: GridCell) -> dict[str, object]:
-        return cell.identity(self.loaded.file, detector_sha256(cell.detector), self.device)
+        return cell.identity(self.loaded.file, self.sha256_of, self.device)
 
     def _stored(self, cell: GridCell) -> StoredGridCell | None:
         return self.store.load(self._identity(cell), code_sha256(*CODE), self.overwrite)

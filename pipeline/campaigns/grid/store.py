@@ -66,10 +66,9 @@ class GridStore:
         return self.folder / GRID_CELLS / cell_file_name(identity)
 
 
-def refuse_other_drive(kept: GridOrigin, clean_sha256: str, drive: Path) -> None:
-    """Raises UsageError for a kept cell of a drive with other bytes, such as one of another version."""
-    if kept.clean_sha256 != clean_sha256:
-        raise UsageError(
-            f"{drive} is not the drive of its finished cells (SHA-256 {clean_sha256[:12]}…, not "
-            f"{kept.clean_sha256[:12]}…); pass {option_name('overwrite', True)} to compute them again"
-        )
+def other_drive(kept: GridOrigin, clean_sha256: str, drive: Path) -> UsageError:
+    """The error about a finished cell of a drive with other bytes, such as one of another version."""
+    return UsageError(
+        f"{drive} is not the drive of its finished cells (SHA-256 {clean_sha256[:12]}…, not "
+        f"{kept.clean_sha256[:12]}…); pass {option_name('overwrite', True)} to compute them again"
+    )

@@ -7,6 +7,7 @@ import yaml
 from advpipe.pipeline.campaigns.grid.cell import GridOrigin, GridValues, ScoredCell, StoredGridCell
 from advpipe.pipeline.campaigns.grid.load import LoadedGrid, load_grid
 from advpipe.pipeline.campaigns.grid.run import Grid
+from advpipe.pipeline.campaigns.grid.store import GridStore
 
 DETACH = {"type": "detach", "recipe": "random", "parameters": {"ratio": 0.05}}
 
@@ -31,7 +32,7 @@ def write_grid_file(folder: Path, **keys: object) -> Path:
 def finished(path: Path, out: Path) -> tuple[LoadedGrid, list[ScoredCell]]:
     """Cells of a grid: under attack the mAP is (seed + 1) / 10 of 0.8, and half of that for defended ones."""
     loaded = load_grid(path)
-    grid = Grid(loaded, None, "cpu", 1, keep_bags=False, overwrite=False)  # type: ignore[arg-type]
+    grid = Grid(loaded, GridStore(out), {}, "cpu", 1, keep_bags=False, overwrite=False)
     cells = []
     for drive in loaded.drives:
         for cell in grid.cells(drive):
@@ -51,6 +52,6 @@ def finished(path: Path, out: Path) -> tuple[LoadedGrid, list[ScoredCell]]:
                 is_white_box=True,
             )
             strata = (values, near) if cell.defence == "none" else (values,)
-            identity = cell.identity(loaded.file, "d" * 64, "cpu")
+            identity = cell.identity(loaded.file, {"small": "d" * 64}, "cpu")
             cells.append(ScoredCell(cell, StoredGridCell(identity=identity, origin=origin, values=strata)))
     return loaded, cells

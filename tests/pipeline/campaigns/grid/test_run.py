@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -79,3 +81,18 @@ def test_a_damaged_cell_and_a_strange_folder_are_named(file: Path, out: Path, tm
     (tmp_path / "diary.txt").write_text("dear diary")
     with pytest.raises(UsageError, match="no cells/, so it is no grid"):
         run(file, tmp_path)
+
+
+def test_cells_of_a_drive_with_other_bytes_are_not_mixed_in(file: Path, out: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "out"
+    shutil.copytree(out, copy)
+    lost, kept, *_ = sorted((copy / "cells").iterdir())  # of one drive: names begin with it
+    whole = {path.name: path.read_bytes() for path in (copy / "cells").iterdir()}
+    lost.unlink()
+    stored = json.loads(kept.read_text())
+    stored["origin"]["clean_sha256"] = "0" * 64
+    kept.write_text(json.dumps(stored))
+    with pytest.raises(UsageError, match=r"is not the drive of its finished cells \(SHA-256 "):
+        run(file, copy)
+    run(file, copy, overwrite=True)
+    assert {path.name: path.read_bytes() for path in (copy / "cells").iterdir()} == whole
