@@ -86,9 +86,9 @@ class GridGroup:
         Drives without objects in the stratum do not count.
         """
         pairs = [
-            (part, values.map_clean)
+            (under_attack, values.map_clean)
             for values in self._values(stratum)
-            if (part := values.map_baseline if of_baseline else values.map_adv) is not None
+            if (under_attack := values.map_baseline if of_baseline else values.map_adv) is not None
             and values.map_clean is not None
         ]
         part, whole = np.array(pairs, dtype=np.float64).reshape(-1, 2).T

@@ -94,3 +94,10 @@ def test_the_schema_has_every_key() -> None:
     )
     assert schema["additionalProperties"] is False
     assert TypeAdapter(Factor).validate_python([1, "a"]) == [1, "a"]
+
+
+def test_the_grid_of_the_documentation(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[4] / "docs" / "grids.md").read_text(encoding="utf-8")
+    (tmp_path / "grid.yaml").write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    loaded = load_grid(tmp_path / "grid.yaml")
+    assert f"= {len(loaded.drives)} drives and {loaded.file.cells} cells" in page
