@@ -154,13 +154,22 @@ def grid_provenance(grid: GridFile, cells: Sequence[ScoredCell]) -> dict[str, An
 
 
 def print_grid(grid: GridFile, cells: Sequence[ScoredCell], warnings: Sequence[str] = ()) -> None:
-    """The table over drives on the terminal."""
+    """The table over drives on the terminal; of its columns those that fit there."""
     from advpipe.pipeline.campaigns.sweep.document import rich_table
     from advpipe.pipeline.core.streams import plain_console
 
     console = plain_console()
     for warning in warnings:
         console.print(warning, style="bold yellow", highlight=False, markup=False)
-    console.print(rich_table(ratio_table(grid, groups_of_cells(cells))))
+    console.print(rich_table(_for_terminal(ratio_table(grid, groups_of_cells(cells)))))
     for caveat in grid_caveats(grid):
         console.print(caveat, highlight=False, markup=False)
+
+
+def _for_terminal(table: Table) -> Table:
+    """The names that differ between lines, and the mAP on clean clouds and its ratio under attack."""
+    ratio = table.heads.index("mAP ratio %")
+    names = [place for place in range(ratio - 1) if len({line[place] for line in table.lines}) > 1]
+    shown = [*names, ratio - 1, ratio]
+    lines = tuple(tuple(line[place] for place in shown) for line in table.lines)
+    return Table(table.title, tuple(table.heads[place] for place in shown), lines)

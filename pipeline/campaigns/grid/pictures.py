@@ -17,7 +17,7 @@ from advpipe.stages.evaluate.report.section import OVERVIEW, ReportPicture
 from advpipe.stages.evaluate.report.style import INK, LINE, SOFT, plain_axes
 
 COLOURS = ("#d61f26", "#1f5fd6", "#0b8a8a", "#c26a00", "#7a3ff2", "#5c6876")
-MARKS = ("o", "s", "^", "D", "v", "x")
+MARKS = ("o", "s", "^", "D", "v")
 MOST_PICTURES = 40
 MOST_LINES = 12
 """In one picture of curves; the table has the others."""
@@ -107,6 +107,8 @@ def draw_level_curves(grid: GridFile, groups: Sequence[GridGroup], factor: str) 
         for each, ratio in zip(x, ratios, strict=True):
             if ratio.ci95 is not None:
                 axes.plot([each, each], ratio.ci95, color=colour, linewidth=3, alpha=0.3, zorder=2)
+    if len(lines) > MOST_LINES:
+        axes.set_title(f"the first {MOST_LINES} of {len(lines)} lines; the table has all", fontsize=9)
     if not is_number:
         axes.set_xticks(range(len(labels)), [str(label) for label in labels], fontsize=9)
     axes.set_ylim(bottom=0)

@@ -6,15 +6,18 @@ import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from grids import finished, write_grid_file
 
-from advpipe.pipeline.campaigns.grid.document import write_grid
+from advpipe.pipeline.campaigns.grid.document import print_grid, write_grid
 
 
-def test_the_table_is_tidy_and_the_page_names_seeds_and_commits(tmp_path: Path) -> None:
+def test_the_table_is_tidy_and_the_page_names_seeds_and_commits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     factors = {
         "traffic.vehicles": [10, 20],
         "weather": {"clear": {}, "fog": {"environment.weather": {"kind": "fog", "visibility_m": 50}}},
@@ -33,6 +36,10 @@ def test_the_table_is_tidy_and_the_page_names_seeds_and_commits(tmp_path: Path) 
         assert text in page
     assert "Fewer than 3 seeds" in page
     assert not any(text in page for text in ('src="http', 'href="', str(tmp_path)))
+    print_grid(loaded.file, cells)
+    shown = capsys.readouterr().out
+    assert "traffic.vehicles" in shown
+    assert "detector" not in shown  # the same in all lines
     names = {file.name for file in (tmp_path / "figures").iterdir()}
     assert {"heat1.png", "curve1-1.png", "curve1-2.png"} <= names
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
