@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from advpipe.bag import open_bag as open_bag
     from advpipe.commands.attack import attack as attack
     from advpipe.commands.evaluate import evaluate as evaluate
+    from advpipe.commands.grid import grid as grid
     from advpipe.commands.import_drive import import_drive as import_drive
     from advpipe.commands.play import play as play
     from advpipe.commands.relay import relay as relay
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from advpipe.pipeline.attack_detection.base import Suspicion as Suspicion
     from advpipe.pipeline.bag.frames import Frame as Frame
     from advpipe.pipeline.bag.reader import BagReader as BagReader
+    from advpipe.pipeline.campaigns.grid.run import GridReport as GridReport
     from advpipe.pipeline.campaigns.relay.summary import RelaySummary as RelaySummary
     from advpipe.pipeline.campaigns.sweep.run import SweepReport as SweepReport
     from advpipe.pipeline.core.errors import AdvpipeError as AdvpipeError
@@ -136,6 +138,7 @@ _NAMES_OF = {
     "bag": ("Bag", "open_bag"),
     "commands.attack": ("attack",),
     "commands.evaluate": ("evaluate",),
+    "commands.grid": ("grid",),
     "commands.import_drive": ("import_drive",),
     "commands.play": ("play",),
     "commands.relay": ("relay",),
@@ -148,6 +151,7 @@ _NAMES_OF = {
     ),
     "pipeline.bag.frames": ("Frame",),
     "pipeline.bag.reader": ("BagReader",),
+    "pipeline.campaigns.grid.run": ("GridReport",),
     "pipeline.campaigns.relay.summary": ("RelaySummary",),
     "pipeline.campaigns.sweep.run": ("SweepReport",),
     "pipeline.core.errors": ("AdvpipeError", "UsageError"),

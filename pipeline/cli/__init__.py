@@ -17,6 +17,7 @@ from advpipe.pipeline.cli.demo import demo
 from advpipe.pipeline.cli.evaluate import evaluate_command
 from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.figures import figures_command
+from advpipe.pipeline.cli.grid import grid_command
 from advpipe.pipeline.cli.import_ import import_command
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.play import play_command
@@ -51,6 +52,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "figures": figures_command,
     "attacks": attacks_command,
     "sweep": sweep_command,
+    "grid": grid_command,
     "import": import_command,
     "export": export,
     "run": run,

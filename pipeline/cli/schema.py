@@ -1,4 +1,4 @@
-"""The command that prints the JSON Schemas of scenario files, of reports, and of the files of `relay`."""
+"""The command that prints the JSON Schemas of scenario files, reports, grid files and files of `relay`."""
 
 from __future__ import annotations
 
@@ -19,40 +19,46 @@ class SchemaKind(str, Enum):
     scenario = "scenario"
     report = "report"
     relay = "relay"
+    grid = "grid"
 
 
 @with_progress("making the schema", at_once=False)
 def schema_command(
     of: Annotated[
         SchemaKind,
-        typer.Option("--of", help="Scenario files, the report.json of `evaluate`, or files of `relay`."),
+        typer.Option(
+            "--of", help="Scenario files, grid files, files of `relay`, or the report.json of `evaluate`."
+        ),
     ] = SchemaKind.scenario,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write.", show_default="standard output")
     ] = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """The JSON Schema of scenario files, for editors and checkers; or that of reports or relay files.
+    """The JSON Schema of scenario files, for editors and checkers; or that of other files.
 
-    Editors with a YAML language server complete and check a scenario that starts with the line
+    Editors with a YAML language server complete and check a file that starts with the line
     `# yaml-language-server: $schema=FILE`.
     """
+    from advpipe.pipeline.campaigns.grid.models import grid_schema_json
+    from advpipe.pipeline.campaigns.relay.settings import relay_schema_json
     from advpipe.pipeline.core.atomic_file import write_new
     from advpipe.pipeline.results.schema import report_schema_json
     from advpipe.pipeline.scenario.schema import schema_json
 
-    if of is SchemaKind.relay:
-        from advpipe.pipeline.campaigns.relay.settings import relay_schema_json
-
-        text = relay_schema_json()
-    else:
-        text = report_schema_json() if of is SchemaKind.report else schema_json()
+    makers = {
+        SchemaKind.scenario: schema_json,
+        SchemaKind.report: report_schema_json,
+        SchemaKind.relay: relay_schema_json,
+        SchemaKind.grid: grid_schema_json,
+    }
+    text = makers[of]()
     if out is None:
         return Answer(json.loads(text), print_line(text))
     write_new(out, f"{text}\n", overwrite)
     used = (
         typed("evaluate", "--json")
         if of is SchemaKind.report
-        else f"# yaml-language-server: $schema={out}    (as the first line of the file)"
+        else f"# yaml-language-server: $schema={out}    (as the first line of a {of.value})"
     )
     return Answer({"schema": out}, lambda: None, made={"schema": out}, next_commands=[used])

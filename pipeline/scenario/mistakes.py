@@ -46,8 +46,11 @@ def mistakes_line(
     return _on_one_line(f"{path}: {len(found)} mistakes: {numbered}{more}")
 
 
-def schema_mistakes(error: ValidationError) -> Iterator[Mistake]:
-    """Place and message of each; the first of those at one place, where a value may have several forms."""
+def schema_mistakes(error: ValidationError, model: type[BaseModel] = Scenario) -> Iterator[Mistake]:
+    """Place and message of each; the first of those at one place, where a value may have several forms.
+
+    model: that refused the document.
+    """
     seen: set[Place] = set()
     for each in error.errors():
         several = each.get("ctx", {}).get("error")
@@ -57,7 +60,7 @@ def schema_mistakes(error: ValidationError) -> Iterator[Mistake]:
         place = tuple(str(part) for part in each["loc"] if part != "[key]")
         if place not in seen or not place:
             seen.add(place)
-            yield place, _message(dict(each), place)
+            yield place, _message(dict(each), place, model)
 
 
 def _written(place: Place, tree: Any) -> tuple[Place, str]:
@@ -94,18 +97,17 @@ def _attack_at(place: Place, tree: Any, message: str) -> str:
     return f"{shorten(attack)}: "
 
 
-def _message(each: dict[str, Any], place: Place) -> str:
+def _message(each: dict[str, Any], place: Place, model: type[BaseModel]) -> str:
     if each["type"] == "extra_forbidden":
         own = "; an attack's own go into `parameters`" if place[0] == "attacks" and len(place) == 4 else ""
-        return f"unknown key; {known_names(place[-1], _keys_at(place[:-1]))}{own}"
+        return f"unknown key; {known_names(place[-1], _keys_at(place[:-1], model))}{own}"
     if each["type"] == "missing":
         return "is missing"
     message = shorten(each["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
     return message if isinstance(each["input"], dict) else f"{message}, not {short_repr(each['input'])}"
 
 
-def _keys_at(place: Place) -> list[str]:
-    model: type[BaseModel] = Scenario
+def _keys_at(place: Place, model: type[BaseModel]) -> list[str]:
     for part in place:
         annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
         model = next(iter(_models_in(annotation)), model)

@@ -86,7 +86,7 @@ def defaults(function: Callable[..., Any]) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("command", ["simulate", "attack", "evaluate", "sweep", "train", "verify"])
+@pytest.mark.parametrize("command", ["simulate", "attack", "evaluate", "sweep", "grid", "train", "verify"])
 def test_names_and_defaults_are_those_of_the_command_line(command: str) -> None:
     ours, theirs = defaults(getattr(advpipe, command)), defaults(COMMANDS[command])
     for name in ONLY_IN_PYTHON.get(command, ()):

@@ -115,6 +115,7 @@ def _html(
     )
     return rendered(
         TEMPLATE.read_text(encoding="utf-8"),
+        title="The paper's tables",
         warnings=warnings,
         caveats=sweep_caveats(cells),
         tables=paper_tables(cells, recipes),
@@ -139,13 +140,13 @@ def print_document(cells: Sequence[Cell], recipes: Sequence[str], warnings: Sequ
     console = plain_console()
     for warning in warnings:
         console.print(warning, style="bold yellow", highlight=False, markup=False)
-    console.print(_rich(_transposed(table_one(cells, recipes))))
+    console.print(rich_table(_transposed(table_one(cells, recipes))))
     for attack in AXES:
         table = table_two(cells, recipes, attack)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)
-        console.print(_rich(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
+        console.print(rich_table(Table(table.title, tuple(ON_THE_TERMINAL.values()), lines)))
     if (of_seeds := seeds_table(cells)).lines:
-        console.print(_rich(of_seeds))
+        console.print(rich_table(of_seeds))
     for caveat in sweep_caveats(cells):
         console.print(caveat, highlight=False, markup=False)
 
@@ -156,7 +157,8 @@ def _transposed(table: Table) -> Table:
     return Table(table.title, columns[0], tuple(columns[1:]))
 
 
-def _rich(table: Table) -> Any:
+def rich_table(table: Table) -> Any:
+    """The table for a terminal."""
     from rich import box
     from rich.table import Table as RichTable
 

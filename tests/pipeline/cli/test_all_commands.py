@@ -45,6 +45,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
     ),
 }
 REFUSED = {
+    "grid": ["grid", "{drive}/nowhere\x1b.yaml"],
     "import": ["import", "kitti", "{drive}/nowhere\x1b", "-o", "{out}/i\x1b"],
     "demo": ["demo", "--no-browser", "-o", "{drive}"],
     "import-weights": ["import-weights", "{drive}/none.pth", "-o", "{out}/i.safetensors"],

@@ -23,6 +23,7 @@ FIRST_WORDS = {
     "figures": (["r"], "copying the figures of r ..."),
     "attacks": ([], "listing the attacks ..."),
     "sweep": (["d"], "sweeping d ..."),
+    "grid": (["g.yaml"], "running the grid g.yaml ..."),
     "import": (["kitti", "k", "-o", "d"], "importing k as kitti ..."),
     "export": (["d"], "exporting d as veremi ..."),
     "run": (["smoke"], "running smoke ..."),
