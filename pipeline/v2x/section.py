@@ -187,13 +187,18 @@ class SecurityRules(Section):
     """What stations do by `security: etsi` (TS 103 097): when they send certificates, and what they verify."""
 
     certificate_interval_s: NotNegative = Field(
-        1.0, le=60, description="shortest time between two messages with the certificate; others have its digest"
+        1.0,
+        le=60,
+        description="shortest time between two messages with the certificate; others have its digest",
     )
     verification_time_s: NotNegative = Field(
         0.0, le=1, description="time that the verification of one signature takes in the receiver"
     )
     verification_queue: Whole = Field(
-        64, ge=0, le=10_000, description="messages that wait to be verified; with more, the newest is rejected"
+        64,
+        ge=0,
+        le=10_000,
+        description="messages that wait to be verified; with more, the newest is rejected",
     )
     max_age_s: Positive = Field(
         2.0, le=600, description="time after its signature for which a message is accepted"

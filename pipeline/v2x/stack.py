@@ -44,7 +44,9 @@ class PacketBuilder:
     others than the drive's own authority has issued to them.
     """
 
-    def __init__(self, v2x: V2x, seed: int, start_ns: int, holders: Mapping[int, Holder] | None = None) -> None:
+    def __init__(
+        self, v2x: V2x, seed: int, start_ns: int, holders: Mapping[int, Holder] | None = None
+    ) -> None:
         self._seed, self._rules = seed, v2x.security_rules
         self._pki = Pki(seed, start_ns) if v2x.security == "etsi" else None
         self._holders = holders or {}
@@ -70,7 +72,9 @@ class PacketBuilder:
         content = broadcast_content(position_vector(cam, mac, now_ns), btp_packet(payload))
         if self._pki is None or not is_signed:
             return geonetworking_packet(content)
-        return geonetworking_packet(self._signer(self._pki, station_id).sign(content, now_ns), is_secured=True)
+        return geonetworking_packet(
+            self._signer(self._pki, station_id).sign(content, now_ns), is_secured=True
+        )
 
     def _signer(self, pki: Pki, station_id: int) -> EnvelopeSigner:
         if station_id not in self._signers:
@@ -98,9 +102,7 @@ class ReceiverStack:
 
     def __init__(self, v2x: V2x, seed: int, start_ns: int) -> None:
         self._rules = v2x.security_rules
-        self._checks = (
-            SignatureChecks(Pki(seed, start_ns).authority) if v2x.security == "etsi" else None
-        )
+        self._checks = SignatureChecks(Pki(seed, start_ns).authority) if v2x.security == "etsi" else None
         self._verifiers: dict[str, MessageVerifier] = {}
 
     def deliver(self, listener: str, packet: bytes, now_ns: int) -> Delivery:

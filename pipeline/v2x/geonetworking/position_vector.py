@@ -51,7 +51,14 @@ class LongPositionVector:
         address, mac, time_ms, latitude, longitude, speed, heading_ddeg = _LAYOUT.unpack(data)
         speed_cmps = (speed & 0x7FFF) - ((speed & 0x4000) << 1)
         return cls(
-            (address >> 10) & 0x1F, mac, time_ms, latitude, longitude, bool(speed >> 15), speed_cmps, heading_ddeg
+            (address >> 10) & 0x1F,
+            mac,
+            time_ms,
+            latitude,
+            longitude,
+            bool(speed >> 15),
+            speed_cmps,
+            heading_ddeg,
         )
 
 

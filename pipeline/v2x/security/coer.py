@@ -42,7 +42,9 @@ class CoerReader:
     def expect(self, data: bytes, what: str) -> None:
         """These bytes, which the profile fixes."""
         if (found := self.take(len(data))) != data:
-            raise EnvelopeError(f"{what} is {found.hex()}, which advpipe does not read; it reads {data.hex()}")
+            raise EnvelopeError(
+                f"{what} is {found.hex()}, which advpipe does not read; it reads {data.hex()}"
+            )
 
     def length(self) -> int:
         """A length determinant in its shortest form."""

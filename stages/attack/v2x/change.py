@@ -14,7 +14,13 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import RawMessage, StampedCdr, Topic
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
-from advpipe.pipeline.messages.topics import V2X_PACKETS, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
+from advpipe.pipeline.messages.topics import (
+    V2X_PACKETS,
+    V2X_SENT,
+    V2X_STATIONS,
+    V2X_STATISTICS,
+    VehicleTopics,
+)
 from advpipe.pipeline.messages.types import schema_text, type_hash
 from advpipe.pipeline.messages.v2x import (
     own_messages,

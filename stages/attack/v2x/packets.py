@@ -36,7 +36,9 @@ class AttackedPackets:
         self.counts: Counter[str] = Counter()
         self._builder: PacketBuilder | None = None
         is_signed = drive.v2x.security != "none"
-        if not is_signed and (outsiders := sorted({each for each in credentials.values() if each != "ticket"})):
+        if not is_signed and (
+            outsiders := sorted({each for each in credentials.values() if each != "ticket"})
+        ):
             raise UsageError(
                 f"credentials are {outsiders[0]!r}, but the drive was recorded without security "
                 "(v2x.security is none); leave them out, or record it with v2x.security: etsi"

@@ -105,7 +105,8 @@ def test_other_packets_are_refused(packet: bytes, change: Callable[[bytes], byte
 
 
 @pytest.mark.parametrize(
-    "change", [lambda d: d[:20], lambda d: d[:-1], lambda d: b"\x10" + d[1:], lambda d: d[:1] + b"\x41" + d[2:]]
+    "change",
+    [lambda d: d[:20], lambda d: d[:-1], lambda d: b"\x10" + d[1:], lambda d: d[:1] + b"\x41" + d[2:]],
 )
 def test_other_contents_are_refused(packet: bytes, change: Callable[[bytes], bytes]) -> None:
     with pytest.raises(PacketError):
