@@ -184,12 +184,12 @@ class LdmRules(Section):
 
 
 class SecurityRules(Section):
-    """What stations do by `security: etsi` (TS 103 097): when they send certificates, and what they verify."""
+    """What stations do by `security: etsi`: when they send certificates, and what they verify."""
 
     certificate_interval_s: NotNegative = Field(
         1.0,
         le=60,
-        description="shortest time between two messages with the certificate; others have its digest",
+        description="shortest time between messages with the certificate; others have its digest",
     )
     verification_time_s: NotNegative = Field(
         0.0, le=1, description="time that the verification of one signature takes in the receiver"
@@ -198,7 +198,7 @@ class SecurityRules(Section):
         64,
         ge=0,
         le=10_000,
-        description="messages that wait to be verified; with more, the newest is rejected",
+        description="messages that may wait to be verified; more are rejected",
     )
     max_age_s: Positive = Field(
         2.0, le=600, description="time after its signature for which a message is accepted"
@@ -226,11 +226,11 @@ class V2x(Section):
     ldm: LdmRules = LdmRules()
     geonetworking: Switch = Field(
         False,
-        description="record every packet with its GeoNetworking headers, and count their true bytes on the air",
+        description="record every packet with its GeoNetworking headers, and count its true bytes on the air",
     )
     security: Literal["none", "etsi"] = Field(
         "none",
-        description="etsi: messages are signed, and receivers reject those that are not (TS 103 097); includes "
+        description="etsi: messages are signed, and receivers reject those that are not (TS 103 097), with "
         "geonetworking",
     )
     security_rules: SecurityRules = SecurityRules()

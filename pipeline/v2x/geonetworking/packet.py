@@ -92,9 +92,7 @@ def parse_broadcast(content: bytes) -> BroadcastPacket:
         )
     btp = content[SHB_BYTES:]
     if len(btp) != payload_bytes:
-        raise PacketError(
-            f"{len(btp)} bytes follow the GeoNetworking headers, which announce {payload_bytes}"
-        )
+        raise PacketError(f"{len(btp)} bytes follow the headers, which announce {payload_bytes}")
     vector = content[COMMON_BYTES : COMMON_BYTES + VECTOR_BYTES]
     return BroadcastPacket(LongPositionVector.decode(vector), bytes(btp))
 

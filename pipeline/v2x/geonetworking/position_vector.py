@@ -11,9 +11,6 @@ from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
 
 VECTOR_BYTES = 24
 MAX_SPEED_CMPS = 2**14 - 1
-ACCURATE_M = 80.0
-"""itsGnPaiInterval: a position is accurate if its 95 % confidence interval is at most half of this."""
-
 _LAYOUT = struct.Struct(">H6sIiiHH")
 _MILLISECONDS = 2**32
 
@@ -49,17 +46,9 @@ class LongPositionVector:
     def decode(cls, data: bytes) -> LongPositionVector:
         """The vector in 24 bytes."""
         address, mac, time_ms, latitude, longitude, speed, heading_ddeg = _LAYOUT.unpack(data)
-        speed_cmps = (speed & 0x7FFF) - ((speed & 0x4000) << 1)
-        return cls(
-            (address >> 10) & 0x1F,
-            mac,
-            time_ms,
-            latitude,
-            longitude,
-            bool(speed >> 15),
-            speed_cmps,
-            heading_ddeg,
-        )
+        station_type = (address >> 10) & 0x1F
+        is_accurate, speed_cmps = bool(speed >> 15), (speed & 0x7FFF) - ((speed & 0x4000) << 1)
+        return cls(station_type, mac, time_ms, latitude, longitude, is_accurate, speed_cmps, heading_ddeg)
 
 
 def position_vector(cam: Cam | CamCore | None, mac: bytes, now_ns: int) -> LongPositionVector:

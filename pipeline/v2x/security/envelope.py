@@ -29,7 +29,8 @@ _BY_DIGEST, _BY_CERTIFICATE = b"\x80", bytes.fromhex("81 01 01")
 class Envelope:
     """content: what is signed, from GeoNetworking's common header on. psid: what kind of message it is.
 
-    time_us: generation, TAI since 2004. signer: the ticket, or its digest of eight bytes. signature: 64 bytes.
+    time_us: generation, TAI since 2004. signer: the ticket, or its digest of eight bytes. signature: 64
+    bytes.
     """
 
     content: bytes

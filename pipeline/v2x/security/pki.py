@@ -1,4 +1,4 @@
-"""The public key infrastructure of one drive: a root, an authorisation authority, and tickets for stations."""
+"""The public key infrastructure of a drive: a root, an authorisation authority, and stations' tickets."""
 
 from __future__ import annotations
 

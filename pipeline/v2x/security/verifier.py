@@ -1,4 +1,4 @@
-"""A receiver's checks of secured messages: why one is kept from its applications (1609.2, 5.2; TS 103 097)."""
+"""A receiver's checks of secured messages, and why one does not reach its facilities (1609.2, 5.2)."""
 
 from __future__ import annotations
 

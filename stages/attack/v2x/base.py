@@ -150,9 +150,10 @@ class V2xTraits(Traits):
     every_message_matters: all messages that attackers send by it are false whatever they claim: the station
     does not exist, or is another, or the message is redundant; otherwise each is judged by its claims
     (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes messages that its attackers send anyway,
-    so that a roadside unit, which sends none, cannot be an attacker. needs_ticket: receivers that verify
-    signatures accept its messages only from an insider, which signs them with a ticket. published: see `Published`; its F1 is
-    that of an attack with the parameters `published_of`, or of its preset.
+    so that a roadside unit, which sends none, cannot be an attacker. needs_ticket: where messages are signed,
+    it has an effect from an insider alone, who has a ticket; an outsider can still load the channel or drop
+    messages. published: see `Published`; its F1 is that of an attack with the parameters `published_of`, or
+    of its preset.
     """
 
     untrue: tuple[Claim, ...] = ()
