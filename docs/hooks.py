@@ -123,6 +123,7 @@ def catalogue(family: str) -> str:
             (
                 "attack",
                 "what it does",
+                "needs a ticket",
                 "VeReMi",
                 "VeReMi Extension",
                 "VeReMi NextGen",
@@ -217,7 +218,7 @@ def _v2x_row(name: str, kind: Any) -> tuple[str, ...]:
     published = kind.traits.published
     numbers = (published.veremi_2018, published.veremi_extension, published.nextgen)
     called = (_called(*each) for each in zip(numbers, (VEREMI, EXTENSION, NEXTGEN), strict=True))
-    return (_link(name), _summary(kind), *called)
+    return (_link(name), _summary(kind), "yes" if kind.traits.needs_ticket else "no", *called)
 
 
 def _gnss_row(name: str, kind: Any) -> tuple[str, ...]:

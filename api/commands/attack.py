@@ -28,6 +28,7 @@ def attack(
     attacker: str | Sequence[str] = (),
     victim: str | None = AttackOptions.victim,
     dcc_reacts: bool = AttackOptions.dcc_reacts,
+    credentials: str = AttackOptions.credentials,
     from_s: float = AttackOptions.from_s,
     to_s: float | None = AttackOptions.to_s,
     lidar: str | None = AttackOptions.lidar,
@@ -53,6 +54,8 @@ def attack(
     `random-near`, `random-best`. attacker, of V2X attacks: a vehicle's id or several, `20%`,
     or `rsu:X,Y` in metres. victim: the vehicle whose GPS or LiDAR is attacked, or that false CAMs target.
     dcc_reacts: whether other stations' congestion control drops CAMs when an attack fills the channel.
+    credentials: what V2X attackers sign with where the drive is signed: `ticket`, or as outsiders `none`,
+    `untrusted`, `expired` or `stolen`.
     from_s, to_s: when, in seconds of the recording.
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
     detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
@@ -95,6 +98,7 @@ def attack(
                 "attackers": attackers_section([attacker] if isinstance(attacker, str) else attacker),
                 "victim": victim,
                 "dcc_reacts": dcc_reacts,
+                "credentials": credentials,
                 "lidar": lidar,
                 "frames": frames,
                 "detector": detector,

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import Field
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.document import LONGEST_TEXT, Count, Document, read_json
+from advpipe.pipeline.core.document import LONGEST_TEXT, Document, read_json
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.section import Name
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
@@ -19,10 +19,6 @@ from advpipe.pipeline.v2x.section import V2x
 
 class _Map(Document):
     origin: GeoOrigin
-
-
-class _Seed(Document):
-    seed: Count
 
 
 class FilterInfo(Document):
@@ -38,7 +34,7 @@ class V2xInfo(Document):
 
     v2x: V2x
     map: _Map
-    simulation: _Seed
+    simulation: Simulation
     vehicles: dict[Name, object]
 
 

@@ -54,6 +54,7 @@ def attack_command(
     dcc_reacts: Annotated[
         bool, cli_option(AttackOptions, "dcc_reacts", "--dcc-reacts")
     ] = AttackOptions.dcc_reacts,
+    credentials: Annotated[str, cli_option(AttackOptions, "credentials")] = AttackOptions.credentials,
     from_s: Annotated[float, cli_option(AttackOptions, "from_s", "--from")] = AttackOptions.from_s,
     to_s: Annotated[
         float | None, cli_option(AttackOptions, "to_s", "--to", show_default="of the recording")
@@ -89,6 +90,7 @@ def attack_command(
         attacker=attacker or (),
         victim=victim,
         dcc_reacts=dcc_reacts,
+        credentials=credentials,
         from_s=from_s,
         to_s=to_s,
         lidar=lidar,

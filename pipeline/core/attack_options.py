@@ -28,6 +28,11 @@ class AttackOptions:
         "When a V2X attack loads the channel, the congestion control of the other stations drops CAMs; "
         "without this option they send what was recorded.",
     )
+    credentials: str = option(
+        "ticket",
+        "What V2X attackers sign with, where a drive is signed: ticket (an insider), or as outsiders none, "
+        "untrusted, expired or stolen (a certificate without its key).",
+    )
     from_s: float = option(0.0, "Start of the attack, in seconds since the start of the recording.")
     to_s: float | None = option(None, "End of the attack, in seconds since the start of the recording.")
     lidar: str | None = options.lidar_topic()

@@ -28,6 +28,8 @@ FASTEST = 1e5
 LARGEST_M = 1e4
 """Largest dimension of a road user's box."""
 MOST_PAYLOAD_BYTES = 1 << 16
+MOST_PACKET_BYTES = MOST_PAYLOAD_BYTES + 1024
+"""A payload with all headers and a security envelope."""
 _STRONGEST_DBM = 200.0
 _MOST_PLANES = 1000
 _LARGEST_PLANE = 1e12
@@ -125,6 +127,17 @@ def _packet(message: Any) -> Problems:
     yield from _header(message.header)
     if len(message.data) > HEADER_BYTES + MOST_PAYLOAD_BYTES:
         yield f"has a payload of {len(message.data)} bytes"
+
+
+def _v2x_packet(message: Any) -> Problems:
+    yield from _reception(message)
+    if len(message.data) > MOST_PACKET_BYTES:
+        yield f"has a packet of {len(message.data)} bytes"
+
+
+def _rejection(message: Any) -> Problems:
+    yield from _reception(message)
+    yield from _name(message.reason, "reason")
 
 
 def _reception_info(message: Any) -> Problems:
@@ -251,8 +264,10 @@ _CHECKS: dict[str, Callable[[Any], Problems]] = {
     "advpipe_msgs/msg/ImageLabelArray": _image_labels,
     "advpipe_msgs/msg/LabelCoverage": _label_coverage,
     "advpipe_msgs/msg/RoadUserArray": _road_users,
+    "advpipe_msgs/msg/V2xPacket": _v2x_packet,
     "advpipe_msgs/msg/V2xReception": _reception,
     "advpipe_msgs/msg/V2xReceptionInfo": _reception_info,
+    "advpipe_msgs/msg/V2xRejection": _rejection,
     "advpipe_msgs/msg/V2xStationArray": _stations,
     "advpipe_msgs/msg/V2xTransmission": _sent,
     "derived_object_msgs/msg/ObjectArray": _objects,

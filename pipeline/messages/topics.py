@@ -18,6 +18,7 @@ SOURCE_FRAME = Topic("/source/frame", "std_msgs/msg/String")
 LANES = Topic("/map/lanes", "visualization_msgs/msg/MarkerArray", keep_last(1, latched=True))
 V2X_STATIONS = Topic("/v2x/stations", "advpipe_msgs/msg/V2xStationArray", keep_last(10))
 V2X_SENT = Topic("/v2x/sent", "advpipe_msgs/msg/V2xTransmission", keep_last(100))
+V2X_PACKETS = Topic("/v2x/packets", "advpipe_msgs/msg/V2xPacket", keep_last(100))
 V2X_BUILDINGS = Topic("/v2x/buildings", "std_msgs/msg/String", keep_last(1, latched=True))
 BEACONS = Topic("/log/beacons", "advpipe_msgs/msg/BeaconLog", keep_last(100))
 """The records of an imported log of beacons, as the log has them."""
@@ -150,6 +151,13 @@ class VehicleTopics:
         """Which sent message each received message truly is; this is ground truth, which no vehicle knows."""
         return Topic(
             f"/{self.vehicle}/ground_truth/receptions", "advpipe_msgs/msg/V2xReception", keep_last(100)
+        )
+
+    @property
+    def rejections(self) -> Topic:
+        """The messages that reached its radio, but not its facilities, as security rejected them."""
+        return Topic(
+            f"/{self.vehicle}/ground_truth/rejections", "advpipe_msgs/msg/V2xRejection", keep_last(100)
         )
 
     @property

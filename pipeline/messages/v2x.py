@@ -16,8 +16,8 @@ from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cdr import Cdr
-from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
-from advpipe.pipeline.v2x.channel import Received, Sent
+from advpipe.pipeline.messages.topics import V2X_PACKETS, V2X_SENT, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.v2x.channel import Received, Rejected, Sent
 from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
@@ -96,6 +96,26 @@ def sent_message(sent: Sent) -> StampedCdr:
     cdr.float64(sent.power_dbm)
     cdr.octets(sent.payload)
     return V2X_SENT, bytes(cdr), sent.request_ns
+
+
+def packet_messages(sent: Sent) -> Iterator[StampedCdr]:
+    """Yield advpipe_msgs/V2xPacket, serialised, if the drive's messages have packets."""
+    if sent.packet:
+        cdr = Cdr()
+        cdr.header(sent.request_ns, "")
+        cdr.uint64(sent.number)
+        cdr.octets(sent.packet)
+        yield V2X_PACKETS, bytes(cdr), sent.request_ns
+
+
+def rejected_message(rejected: Rejected) -> StampedCdr:
+    """advpipe_msgs/V2xRejection, serialised, with its topic and stamp."""
+    cdr = Cdr()
+    cdr.header(rejected.arrival_ns, "")
+    cdr.uint64(rejected.sent.number)
+    cdr.uint32(rejected.sent.station_id)
+    cdr.string(rejected.rejection.value)
+    return VehicleTopics(rejected.listener).rejections, bytes(cdr), rejected.arrival_ns
 
 
 def sent_of_message(message: Any) -> Sent:

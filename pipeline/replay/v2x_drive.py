@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.footprints import footprints_of_text
@@ -12,11 +13,12 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.message_bounds import LATEST_NS
-from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_SENT, V2X_STATIONS
+from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_PACKETS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
 from advpipe.pipeline.v2x.channel import Channel, ChannelResult, Received, Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
+from advpipe.pipeline.v2x.stack import ReceiverStack
 
 LONGEST_STEP_NS = 10_000_000_000
 """Simulated steps last at most a second; steps are longer in a bag that has lost a few messages."""
@@ -54,6 +56,7 @@ class V2xDrive:
         self._reader, self._until_ns = reader, until_ns
         info: V2xInfo = read_scenario_info(reader, V2xInfo)
         self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
+        self.start_ns = info.simulation.start_ns
         self.stations = read_stations(reader, until_ns)
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
@@ -69,7 +72,8 @@ class V2xDrive:
                 "replayed through the embedded network only"
             )
         geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
-        return Channel(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder)
+        stack = ReceiverStack(self.v2x, self.seed, self.start_ns) if self.v2x.has_packets else None
+        return Channel(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder, stack)
 
     def steps(self) -> Iterator[V2xStep]:
         """Yield all steps of the drive, as `read_steps` does."""
@@ -111,8 +115,13 @@ def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xSt
     radios: tuple[RadioPlace, ...] = ()
     sent: list[Sent] = []
     numbers: set[int] = set()
-    for raw in reader.raw_messages([V2X_STATIONS.name, V2X_SENT.name]):
+    packets: dict[int, bytes] = {}
+    optional = [V2X_PACKETS.name] if V2X_PACKETS.name in reader.topics else []
+    for raw in reader.raw_messages([V2X_STATIONS.name, V2X_SENT.name, *optional]):
         message = reader.decode(raw)
+        if raw.topic.name == V2X_PACKETS.name:
+            packets[message.number] = bytes(message.data)
+            continue
         if raw.topic.name == V2X_SENT.name:
             sent.append(sent_of_message(message))
             if sent[-1].number in numbers:
@@ -129,6 +138,7 @@ def read_steps(reader: BagReader, until_ns: int | None = None) -> Iterator[V2xSt
                 raise _wrong(reader, raw, f"{late}; no step lasts over {LONGEST_STEP_NS / 1e9:g} s")
             due = [one for one in sent if one.request_ns < raw.log_time_ns]
             _check(reader, due, begin_ns, radios)
+            due = [replace(one, packet=packets.pop(one.number, b"")) for one in due] if packets else due
             yield V2xStep(begin_ns, raw.log_time_ns, radios, tuple(due))
             if until_ns is not None and raw.log_time_ns >= until_ns:
                 return

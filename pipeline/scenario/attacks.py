@@ -33,6 +33,9 @@ BagName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*
 Value = Any
 """A parameter of an attack: a number, a string, true, false, null, or a list of those."""
 
+Credentials = Literal["ticket", "none", "untrusted", "expired", "stolen"]
+"""What attackers sign with: a valid ticket, as insiders; or nothing that receivers accept, as outsiders."""
+
 LARGEST_NUMBER = 1e15
 """The largest absolute value of a parameter: larger ones lose digits in double precision."""
 
@@ -150,6 +153,7 @@ class AttackSpec(Section):
         "", description="a name from which random draws derive; attacks of different names draw differently"
     )
     dcc_reacts: Switch = _shared("dcc_reacts")
+    credentials: Credentials = _shared("credentials")
     lidar: Reference | None = _shared("lidar")
     frames: Reference = _shared("frames", "For a LiDAR attack.")
     detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)

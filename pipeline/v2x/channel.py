@@ -6,8 +6,9 @@ drive again, with some of them changed. The same messages have the same outcomes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
 from advpipe.pipeline.v2x.radio.stations import Reception, ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import V2x
+from advpipe.pipeline.v2x.security.verifier import Rejection
+from advpipe.pipeline.v2x.stack import LINK_BYTES, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics, Tally
 
 
@@ -37,6 +40,7 @@ class Sent:
 
     number: unique within a drive. key: of its random draws, see `draws.message_keys`.
     station_id: the radio's true id, whatever the payload claims. payload: a CAM in UPER, or other bytes.
+    packet: GeoNetworking and security around it, as on the air; empty in a drive without.
     """
 
     number: int
@@ -45,6 +49,7 @@ class Sent:
     request_ns: int
     payload: bytes
     power_dbm: float
+    packet: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +68,23 @@ class Received:
     verdict: Verdict
 
 
+class Rejected(NamedTuple):
+    """A message that reached a listener, but not its facilities: a layer below rejected it."""
+
+    listener: str
+    sent: Sent
+    arrival_ns: int
+    rejection: Rejection
+
+
 @dataclass(frozen=True)
 class ChannelResult:
-    """The results of one step: messages received by listeners, in order of arrival, and channel loads."""
+    """The results of one step: messages received by listeners, in order of arrival, channel loads, and the
+    messages that listeners rejected."""
 
     received: tuple[Received, ...] = ()
     loads: tuple[ChannelLoad, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
 
 
 class Channel:
@@ -76,7 +92,8 @@ class Channel:
 
     listeners: names by station id of the vehicles whose receptions are returned. The receptions of all other
     stations are simulated as well, for the statistics, but not decoded. decoder: like `codec.decode`, the
-    default; a caller that has decoded the messages already may pass one that returns those values.
+    default; a caller that has decoded the messages already may pass one that returns those values. stack: the
+    receivers' layers, in a drive whose messages have packets.
     """
 
     def __init__(
@@ -87,8 +104,10 @@ class Channel:
         listeners: Mapping[int, str],
         buildings: Buildings | None = None,
         decoder: Callable[[bytes], CamTree] | None = None,
+        stack: ReceiverStack | None = None,
     ) -> None:
-        self._decoder = decoder
+        self._decoder, self._stack = decoder, stack
+        self._overhead_bytes = v2x.radio.overhead_bytes
         self._medium = Medium(v2x.radio, seed, buildings)
         self._geodesy = geodesy
         self._listeners = dict(listeners)
@@ -96,6 +115,7 @@ class Channel:
         self._maps = {name: LocalDynamicMap(v2x.ldm) for name in listeners.values()}
         self._on_air: dict[int, Sent] = {}
         self._in_transit: list[Reception] = []
+        self._in_verification: list[Reception] = []
         self._tally = Tally()
 
     def advance(self, until_ns: int, stations: Stations, sent: Sequence[Sent]) -> ChannelResult:
@@ -104,9 +124,10 @@ class Channel:
         Messages still in transit to a listener that has left are lost.
         """
         self._on_air.update((message.number, message) for message in sent)
-        step = self._medium.advance(until_ns, stations, _transmissions(sent))
+        step = self._medium.advance(until_ns, stations, _transmissions(sent, self._overhead_bytes))
         self._tally.add(step)
-        return ChannelResult(self._receive(step.outcomes, until_ns, stations), step.loads)
+        received, rejected = self._receive(step.outcomes, until_ns, stations)
+        return ChannelResult(received, step.loads, rejected)
 
     def finish(self, now_ns: int, stations: Stations) -> ChannelResult:
         """Advance without new messages until the outcome of every message is known.
@@ -114,12 +135,15 @@ class Channel:
         The channel load of this period is not counted.
         """
         received: list[Received] = []
+        rejected: list[Rejected] = []
         while self._on_air:
             now_ns += WINDOW_NS
             outcomes, _ = self._medium.advance(now_ns, stations, Transmissions.none())
             self._tally.add(Step(outcomes, ()))
-            received += self._receive(outcomes, now_ns, stations)
-        return ChannelResult(tuple(received))
+            more, refused = self._receive(outcomes, now_ns, stations)
+            received += more
+            rejected += refused
+        return ChannelResult(tuple(received), rejected=tuple(rejected))
 
     def snapshot(self, listener: str, now_ns: int) -> LdmSnapshot:
         """The Local Dynamic Map of a listener."""
@@ -135,20 +159,37 @@ class Channel:
 
     def _receive(
         self, outcomes: ReceptionOutcomes, until_ns: int, stations: Stations
-    ) -> tuple[Received, ...]:
+    ) -> tuple[tuple[Received, ...], tuple[Rejected, ...]]:
         """The messages that reached listeners by now; forgets the completed ones."""
         present = set(stations.ids.tolist())
+        before = {reception.message for reception in (*self._in_transit, *self._in_verification)}
         arriving = [*self._in_transit, *outcomes.receptions(self._ids)]
-        arriving = [reception for reception in arriving if reception.receiver in present]
-        arriving.sort(key=lambda reception: (reception.arrival_ns, reception.receiver, reception.message))
-        due = [reception for reception in arriving if reception.arrival_ns <= until_ns]
-        before, self._in_transit = self._in_transit, arriving[len(due) :]
+        due, self._in_transit = _due((one for one in arriving if one.receiver in present), until_ns)
+        rejected: list[Rejected] = []
+        if self._stack is not None:
+            checked = [*self._in_verification, *self._delivered(self._stack, due, rejected)]
+            due, self._in_verification = _due((one for one in checked if one.receiver in present), until_ns)
         received = tuple(self._read(due))
-        waiting = {reception.message for reception in self._in_transit}
+        waiting = {reception.message for reception in (*self._in_transit, *self._in_verification)}
         completed = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
-        for number in completed.union(reception.message for reception in before) - waiting:
+        for number in completed.union(before) - waiting:
             del self._on_air[number]
-        return received
+        return received, tuple(rejected)
+
+    def _delivered(
+        self, stack: ReceiverStack, receptions: Sequence[Reception], rejected: list[Rejected]
+    ) -> Iterator[Reception]:
+        """The receptions that reach the facilities, and when they do; the others join `rejected`."""
+        for reception in receptions:
+            listener, sent = self._listeners[reception.receiver], self._on_air[reception.message]
+            delivery = stack.deliver(listener, sent.packet, reception.arrival_ns)
+            rejection = delivery.rejection
+            if rejection is None and delivery.payload != sent.payload:
+                rejection = Rejection.MALFORMED
+            if rejection is None:
+                yield reception._replace(arrival_ns=delivery.done_ns)
+            else:
+                rejected.append(Rejected(listener, sent, reception.arrival_ns, rejection))
 
     def _read(self, receptions: Sequence[Reception]) -> Iterator[Received]:
         opened = self._open({r.message: r.arrival_ns for r in reversed(receptions)})
@@ -181,12 +222,26 @@ class Channel:
         return opened
 
 
-def _transmissions(sent: Sequence[Sent]) -> Transmissions:
+def _due(receptions: Iterable[Reception], until_ns: int) -> tuple[list[Reception], list[Reception]]:
+    """Those that arrived by then, and the later ones, both in the order of arrival."""
+    in_order = sorted(receptions, key=lambda one: (one.arrival_ns, one.receiver, one.message))
+    due = [reception for reception in in_order if reception.arrival_ns <= until_ns]
+    return due, in_order[len(due) :]
+
+
+def _transmissions(sent: Sequence[Sent], overhead_bytes: int) -> Transmissions:
+    """overhead_bytes: what the radio adds to each message; a packet has its own instead."""
     return Transmissions(
         messages=np.array([message.number for message in sent], np.int64),
         keys=np.array([message.key for message in sent], np.uint64),
         senders=np.array([message.station_id for message in sent], np.int64),
         request_ns=np.array([message.request_ns for message in sent], np.int64),
-        cam_bytes=np.array([len(message.payload) for message in sent], np.int64),
+        cam_bytes=np.array(
+            [
+                len(message.packet) + LINK_BYTES - overhead_bytes if message.packet else len(message.payload)
+                for message in sent
+            ],
+            np.int64,
+        ),
         power_dbm=np.array([message.power_dbm for message in sent], np.float64),
     )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from advpipe.pipeline.core.bounds import AirDelayS, AntennaM, BitrateMbps, KeptS, SnapshotRateHz
 from advpipe.pipeline.core.section import (
@@ -202,6 +202,31 @@ class LdmRules(Section):
     )
 
 
+class SecurityRules(Section):
+    """What stations do by `security: etsi`: when they send certificates, and what they verify."""
+
+    certificate_interval_s: NotNegative = Field(
+        1.0,
+        le=60,
+        description="shortest time between messages with the certificate; others have its digest",
+    )
+    verification_time_s: NotNegative = Field(
+        0.0, le=1, description="time that the verification of one signature takes in the receiver"
+    )
+    verification_queue: Whole = Field(
+        64,
+        ge=0,
+        le=10_000,
+        description="messages that may wait to be verified; more are rejected",
+    )
+    max_age_s: Positive = Field(
+        2.0, le=600, description="time after its signature for which a message is accepted"
+    )
+    clock_tolerance_s: NotNegative = Field(
+        0.2, le=60, description="how far in the future a message may have been signed"
+    )
+
+
 class V2x(Section):
     """V2X (vehicle-to-everything) messages: ETSI's CAMs over ITS-G5."""
 
@@ -218,6 +243,33 @@ class V2x(Section):
     cam: CamRules = CamRules()
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
+    geonetworking: Switch = Field(
+        False,
+        description="record every packet with its GeoNetworking headers, and count its true bytes on the air",
+    )
+    security: Literal["none", "etsi"] = Field(
+        "none",
+        description="etsi: messages are signed, and receivers reject those that are not (TS 103 097), with "
+        "geonetworking",
+    )
+    security_rules: SecurityRules = SecurityRules()
+
+    @property
+    def has_packets(self) -> bool:
+        """Whether messages have GeoNetworking headers and the envelopes inside them."""
+        return self.geonetworking or self.security != "none"
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leaves out keys of packets and security that are not used: such a drive is recorded as before."""
+        tree: dict[str, Any] = handler(self)
+        unused = ("geonetworking", "security", "security_rules")
+        defaults = (False, "none", SecurityRules())
+        return {
+            key: value
+            for key, value in tree.items()
+            if key not in unused or getattr(self, key) != defaults[unused.index(key)]
+        }
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:
         """Whether Local Dynamic Maps are recorded at this frame."""

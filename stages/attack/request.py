@@ -107,6 +107,8 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     except (TypeError, ValueError) as error:  # of a user's own attack
         raise AdvpipeError(f"{spec.type}: parameters cannot be written as JSON: {error}") from None
     if attack_class.family != "lidar":
+        if plain.get("credentials") == AttackSpec.model_fields["credentials"].default:
+            del plain["credentials"]  # the record of an insider's attack does not mention it
         return plain
     for key in ADAPTING_KEYS:
         if plain[key] == AttackSpec.model_fields[key].default:

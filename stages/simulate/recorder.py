@@ -23,7 +23,9 @@ from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import (
     RadioPlace,
     own_messages,
+    packet_messages,
     received_messages,
+    rejected_message,
     sent_message,
     stations_message,
 )
@@ -120,10 +122,12 @@ class Recorder:
     def _record_network_step(self, network_step: NetworkStep) -> None:
         for sent in network_step.sent:
             self._step.append(sent_message(sent))
+            self._step += packet_messages(sent)
             if sent.station_id in self._own_radios:
                 self._step += own_messages(self._own_radios[sent.station_id], sent)
         for received in network_step.received:
             self._step += received_messages(received)
+        self._step += map(rejected_message, network_step.rejected)
 
     def _record_radios(self, stamp_ns: int, radios: Sequence[RadioPlace]) -> None:
         self._step.append(stations_message(stamp_ns, radios, MAP_FRAME))

@@ -150,13 +150,16 @@ class V2xTraits(Traits):
     every_message_matters: all messages that attackers send by it are false whatever they claim: the station
     does not exist, or is another, or the message is redundant; otherwise each is judged by its claims
     (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes messages that its attackers send anyway,
-    so that a roadside unit, which sends none, cannot be an attacker. published: see `Published`; its F1 is
-    that of an attack with the parameters `published_of`, or of its preset.
+    so that a roadside unit, which sends none, cannot be an attacker. needs_ticket: where messages are signed,
+    it has an effect from an insider alone, who has a ticket; an outsider can still load the channel or drop
+    messages. published: see `Published`; its F1 is that of an attack with the parameters `published_of`, or
+    of its preset.
     """
 
     untrue: tuple[Claim, ...] = ()
     every_message_matters: bool = False
     needs_traffic: bool = True
+    needs_ticket: bool = True
     published: Published = field(default_factory=Published)
     published_of: Mapping[str, Any] = field(default_factory=dict)
 
@@ -177,7 +180,7 @@ class V2xAttack(Attack):
     family = "v2x"
     family_title = "V2X: change, delay, drop or add Cooperative Awareness Messages (CAMs)"
     usual_options = "--attacker 20%"
-    own_keys = ("attackers", "dcc_reacts")
+    own_keys = ("attackers", "dcc_reacts", "credentials")
     traits_type = V2xTraits
     quantities = MESSAGE_QUANTITIES
 

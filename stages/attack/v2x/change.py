@@ -14,11 +14,19 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import RawMessage, StampedCdr, Topic
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
-from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
+from advpipe.pipeline.messages.topics import (
+    V2X_PACKETS,
+    V2X_SENT,
+    V2X_STATIONS,
+    V2X_STATISTICS,
+    VehicleTopics,
+)
 from advpipe.pipeline.messages.types import schema_text, type_hash
 from advpipe.pipeline.messages.v2x import (
     own_messages,
+    packet_messages,
     received_messages,
+    rejected_message,
     sent_message,
     stations_message,
 )
@@ -26,7 +34,7 @@ from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
-from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.scenario.attacks import AttackSpec, Credentials
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.stages.attack.debug import DebugMessages, claims_message
 from advpipe.stages.attack.recording import recording_of
@@ -36,6 +44,7 @@ from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
 from advpipe.stages.attack.v2x.labels import Labels
+from advpipe.stages.attack.v2x.packets import AttackedPackets
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
@@ -98,7 +107,21 @@ def forge(
     labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
     attackers = frozenset(number for attack in built for number in attack.context.attackers)
     congestion = Congestion(drive.v2x, attackers) if dcc_reacts else None
-    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion, debug)
+    packets = AttackedPackets(drive, _credentials(attacks, built))
+    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion, packets, debug)
+
+
+def _credentials(attacks: Sequence[AttackSpec], built: Sequence[V2xAttack]) -> dict[int, Credentials]:
+    """What each attacker signs with. Raises UsageError where two attacks disagree."""
+    found: dict[int, Credentials] = {}
+    for spec, attack in zip(attacks, built, strict=True):
+        for attacker in attack.context.attackers:
+            if found.setdefault(attacker, spec.credentials) != spec.credentials:
+                raise UsageError(
+                    f"{spec.type}: station {attacker} attacks with the credentials {found[attacker]!r} and "
+                    f"{spec.credentials!r}; give it the same for all attacks"
+                )
+    return found
 
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
@@ -129,10 +152,12 @@ class V2xChange:
         editors: Sequence[MessageEditor],
         labels: Labels,
         congestion: Congestion | None,
+        packets: AttackedPackets,
         debug: DebugMessages | None = None,
     ) -> None:
         self._drive, self._units, self._editors = drive, tuple(selection.units), editors
         self._labels, self._congestion, self._debug = labels, congestion, debug
+        self._packets = packets
         self._cams = labels.cams
         own = {number: VehicleTopics(name) for number, name in drive.listeners.items()}
         self._own = own
@@ -145,6 +170,7 @@ class V2xChange:
             topic.name
             for topic in (
                 V2X_SENT,
+                *([V2X_PACKETS] if V2X_PACKETS.name in reader.topics else ()),
                 *([V2X_STATIONS] if self._units else ()),
                 *([V2X_STATISTICS] if self._has_statistics else ()),
                 *(topic for topics in own.values() for topic in _topics_of(topics)),
@@ -187,7 +213,7 @@ class V2xChange:
                 counts[f"attack that met no CAM: {editor.name}"] += 1
         if self._congestion:
             counts["CAMs held back by others' congestion control"] = self.held_back
-        return counts
+        return counts + self._packets.counts
 
     def channel(self) -> Channel:
         """The channel for the changed messages; CAMs that editors opened or closed are not decoded again."""
@@ -201,7 +227,8 @@ class V2xChange:
         for editor_index, editor in enumerate(self._editors):
             before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
             self._labels.compare(editor_index, editor, before, sent)
-        return self._congestion.allowed(step, sent) if self._congestion else sent
+        kept = self._congestion.allowed(step, sent) if self._congestion else sent
+        return self._packets.packed(step.sent, kept)
 
     def _stamped(self) -> Iterator[StampedCdr]:
         """The messages as the simulation records them: step by step, in the order of stamps."""
@@ -235,13 +262,16 @@ class V2xChange:
         result = self._drive.send(channel, step, sent)
         if self._congestion:
             self._congestion.observe(result.loads)
+        self._packets.observe(result)
         present = {radio.station_id for radio in step.radios}
         for message in sent:
             yield sent_message(message)
+            yield from packet_messages(message)
             if message.station_id in self._own and message.station_id in present:
                 yield from own_messages(self._own[message.station_id], message)
         for received in result.received:
             yield from received_messages(received)
+        yield from map(rejected_message, result.rejected)
 
 
 def _order(sent: Sent) -> tuple[int, int]:
@@ -255,7 +285,7 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
     sent, maps = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
     received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
-    return *sent, *received, *maps
+    return *sent, *received, topics.rejections, *maps
 
 
 @cache

@@ -22,7 +22,7 @@ class Drop(V2xAttack):
     within this distance of the victim. braking_mps2: only messages that report at least this deceleration.
     """
 
-    traits = V2xTraits()
+    traits = V2xTraits(needs_ticket=False)
 
     def __init__(
         self,

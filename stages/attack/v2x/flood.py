@@ -110,6 +110,7 @@ class Dos(Flood):
 
     traits = V2xTraits(
         every_message_matters=True,
+        needs_ticket=False,
         published=Published(veremi_extension=13, nextgen=12, catch_f1=0.353),
         published_of={"preset": "nextgen"},
     )
@@ -139,7 +140,10 @@ class DosRandom(Flood):
     """
 
     traits = V2xTraits(
-        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=14)
+        every_message_matters=True,
+        needs_traffic=False,
+        needs_ticket=False,
+        published=Published(veremi_extension=14),
     )
 
     def __init__(
@@ -192,7 +196,10 @@ class DosRandomSybil(DosRandom):
     """Random positions like `cam-dos-random`, with a new pseudonym in each message."""
 
     traits = V2xTraits(
-        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=18)
+        every_message_matters=True,
+        needs_traffic=False,
+        needs_ticket=False,
+        published=Published(veremi_extension=18),
     )
 
     sybil = True
@@ -203,7 +210,10 @@ class DosDisruptive(Flood):
     id."""
 
     traits = V2xTraits(
-        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=15)
+        every_message_matters=True,
+        needs_traffic=False,
+        needs_ticket=False,
+        published=Published(veremi_extension=15),
     )
 
     def __init__(
@@ -237,7 +247,10 @@ class DosDisruptiveSybil(DosDisruptive):
     """Replayed messages like `cam-dos-disruptive`, with a new pseudonym in each message."""
 
     traits = V2xTraits(
-        every_message_matters=True, needs_traffic=False, published=Published(veremi_extension=19)
+        every_message_matters=True,
+        needs_traffic=False,
+        needs_ticket=False,
+        published=Published(veremi_extension=19),
     )
 
     sybil = True

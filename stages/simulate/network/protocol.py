@@ -11,7 +11,7 @@ import shapely
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.channel import Received, Sent
+from advpipe.pipeline.v2x.channel import Received, Rejected, Sent
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.traffic.road_users import RoadUser
@@ -23,12 +23,14 @@ class NetworkStep:
 
     sent: in the order of request_ns, all of them before `stamp_ns`; numbers count up through the drive.
     received: by instrumented vehicles, in the order of arrival, with power and SINR; none later
-    than `stamp_ns`; later arrivals belong to a later step.
+    than `stamp_ns`; later arrivals belong to a later step. rejected: by instrumented vehicles, below their
+    facilities.
     """
 
     stamp_ns: int
     sent: tuple[Sent, ...] = ()
     received: tuple[Received, ...] = ()
+    rejected: tuple[Rejected, ...] = ()
 
 
 @runtime_checkable

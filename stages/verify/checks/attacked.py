@@ -16,7 +16,14 @@ from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.labels import fixes
 from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.topics import TF, V2X_SENT, V2X_STATIONS, V2X_STATISTICS, VehicleTopics
+from advpipe.pipeline.messages.topics import (
+    TF,
+    V2X_PACKETS,
+    V2X_SENT,
+    V2X_STATIONS,
+    V2X_STATISTICS,
+    VehicleTopics,
+)
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.verify.attackers import MessageAttack
 from advpipe.stages.verify.subject import BagUnderTest
@@ -91,10 +98,10 @@ class AttackedBag:
             names |= {victim.gnss_fix.name, victim.odometry.name, TF.name}
         if self.has_messages:
             vehicles = {name.split("/")[1] for name in self.clean.topics if name.count("/") > 1}
-            names |= {V2X_SENT.name, V2X_STATIONS.name, V2X_STATISTICS.name}
+            names |= {V2X_SENT.name, V2X_PACKETS.name, V2X_STATIONS.name, V2X_STATISTICS.name}
             for own in map(VehicleTopics, vehicles):
                 topics = own.sent_raw, own.sent_cam, own.received_raw, own.received_cam
-                beside = own.reception_info, own.true_receptions
+                beside = own.reception_info, own.true_receptions, own.rejections
                 names |= {topic.name for topic in (*topics, *beside, own.ldm, own.ldm_objects)}
         return frozenset(names)
 

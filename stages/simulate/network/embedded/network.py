@@ -13,10 +13,11 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
-from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
+from advpipe.pipeline.v2x.facilities.generation import GeneratedCam, switched_on_ns
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
+from advpipe.pipeline.v2x.stack import PacketBuilder, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
 from advpipe.stages.simulate.network.protocol import NetworkStep
@@ -41,7 +42,12 @@ class EmbeddedNetwork:
         self._equipped: dict[str, bool] = {}
         listeners = {self._id_of(name): name for name in self._instrumented}
         buildings = None if footprints is None else Buildings(footprints)
-        self.channel = Channel(self._v2x, self._clock.seed, self._geodesy, listeners, buildings)
+        stack = (self._v2x, self._clock.seed, self._clock.start_ns) if self._v2x.has_packets else None
+        self._packets = None if stack is None else PacketBuilder(*stack)
+        receivers = None if stack is None else ReceiverStack(*stack)
+        self.channel = Channel(
+            self._v2x, self._clock.seed, self._geodesy, listeners, buildings, stack=receivers
+        )
         self._stations: dict[str, Station] = {}
         self._by_id: list[Station] = []
         self._now_ns = self._clock.stamp_ns(0)
@@ -73,7 +79,7 @@ class EmbeddedNetwork:
 
     def finish(self) -> NetworkStep:
         result = self.channel.finish(self._now_ns, stations_of(self._v2x, self.radios))
-        return NetworkStep(self._now_ns, received=result.received)
+        return NetworkStep(self._now_ns, received=result.received, rejected=result.rejected)
 
     def statistics(self) -> Statistics | None:
         return self.channel.statistics() if self._v2x.enabled else None
@@ -88,7 +94,7 @@ class EmbeddedNetwork:
         keys = message_keys(np.array([station.id for _, station in due], np.int64), times_ns)
         power_dbm = self._v2x.radio.transmit_power_dbm
         sent = tuple(
-            Sent(number, key, station.id, cam.time_ns, cam.payload, power_dbm)
+            Sent(number, key, station.id, cam.time_ns, cam.payload, power_dbm, self._packet(station, cam))
             for number, (key, (cam, station)) in enumerate(
                 zip(keys.tolist(), due, strict=True), start=self._messages
             )
@@ -98,7 +104,13 @@ class EmbeddedNetwork:
         for load in result.loads:
             for station, busy_ratio in zip(stations, load.busy_ratio.tolist(), strict=True):
                 station.update_channel_load(busy_ratio)
-        return NetworkStep(until_ns, sent, result.received)
+        return NetworkStep(until_ns, sent, result.received, result.rejected)
+
+    def _packet(self, station: Station, cam: GeneratedCam) -> bytes:
+        """The packet around a CAM; empty in a drive without."""
+        if self._packets is None:
+            return b""
+        return self._packets.packet(station.id, cam.time_ns, cam.payload, cam.cam)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock

@@ -1,0 +1,130 @@
+"""The layers between facilities and radio: BTP, GeoNetworking and security."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.v2x.codec.btp import btp_packet, cam_payload
+from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
+from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
+from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
+from advpipe.pipeline.v2x.geonetworking.packet import (
+    PacketError,
+    broadcast_content,
+    geonetworking_packet,
+    parse_broadcast,
+    parse_packet,
+)
+from advpipe.pipeline.v2x.geonetworking.position_vector import position_vector
+from advpipe.pipeline.v2x.section import V2x
+from advpipe.pipeline.v2x.security.pki import Holder, Pki
+from advpipe.pipeline.v2x.security.signer import EnvelopeSigner
+from advpipe.pipeline.v2x.security.verifier import MessageVerifier, Rejection, SignatureChecks
+
+LINK_BYTES = 38
+"""LLC and SNAP (8), the MAC header of a QoS data frame (26), and its check sequence (4)."""
+
+
+def mac_address(seed: int, station_id: int) -> bytes:
+    """The address of the radio that uses a station id: six bytes, locally administered.
+
+    GeoNetworking's address contains it.
+    """
+    drawn = named_generator(seed, "v2x", "mac", station_id).bytes(6)
+    return bytes([drawn[0] & 0xFC | 0x02]) + drawn[1:]
+
+
+class PacketBuilder:
+    """Builds the packets that stations hand to their radios; `v2x.geonetworking` or `v2x.security` is on.
+
+    start_ns: the begin of the drive. holders: the tickets of stations, by true station id, where they are
+    others than the drive's own authority has issued to them.
+    """
+
+    def __init__(
+        self, v2x: V2x, seed: int, start_ns: int, holders: Mapping[int, Holder] | None = None
+    ) -> None:
+        self._seed, self._rules = seed, v2x.security_rules
+        self._pki = Pki(seed, start_ns) if v2x.security == "etsi" else None
+        self._holders = holders or {}
+        self._signers: dict[int, EnvelopeSigner] = {}
+        self._macs: dict[int, bytes] = {}
+
+    def packet(
+        self,
+        station_id: int,
+        now_ns: int,
+        payload: bytes,
+        cam: Cam | CamCore | None = None,
+        is_signed: bool = True,
+    ) -> bytes:
+        """The packet around a CAM, or around other bytes that pose as one.
+
+        station_id: of the radio that sends it, which signs it. cam: what the payload says, if that is known
+        already; it determines the sender's address and position in the packet. is_signed: whether it is
+        signed where the drive's messages are.
+        """
+        cam = _cam(payload) if cam is None else cam
+        mac = self._mac(station_id if cam is None else cam.station_id)
+        content = broadcast_content(position_vector(cam, mac, now_ns), btp_packet(payload))
+        if self._pki is None or not is_signed:
+            return geonetworking_packet(content)
+        return geonetworking_packet(
+            self._signer(self._pki, station_id).sign(content, now_ns), is_secured=True
+        )
+
+    def _signer(self, pki: Pki, station_id: int) -> EnvelopeSigner:
+        if station_id not in self._signers:
+            holder = self._holders.get(station_id) or pki.ticket(station_id)
+            interval_ns = round(self._rules.certificate_interval_s * 1e9)
+            self._signers[station_id] = EnvelopeSigner(holder, interval_ns)
+        return self._signers[station_id]
+
+    def _mac(self, station_id: int) -> bytes:
+        if station_id not in self._macs:
+            self._macs[station_id] = mac_address(self._seed, station_id)
+        return self._macs[station_id]
+
+
+class Delivery(NamedTuple):
+    """A packet at the top of the stack. payload: None where a layer rejects it, for this reason."""
+
+    payload: bytes | None
+    rejection: Rejection | None
+    done_ns: int
+
+
+class ReceiverStack:
+    """The layers of all receivers of a drive, without security or with it."""
+
+    def __init__(self, v2x: V2x, seed: int, start_ns: int) -> None:
+        self._rules = v2x.security_rules
+        self._checks = SignatureChecks(Pki(seed, start_ns).authority) if v2x.security == "etsi" else None
+        self._verifiers: dict[str, MessageVerifier] = {}
+
+    def deliver(self, listener: str, packet: bytes, now_ns: int) -> Delivery:
+        """What a packet that a listener receives now delivers; call it in the order of arrivals."""
+        try:
+            if self._checks is None:
+                basic = parse_packet(packet)
+                if basic.is_secured:
+                    return Delivery(None, Rejection.MALFORMED, now_ns)
+                return Delivery(cam_payload(parse_broadcast(basic.content).btp), None, now_ns)
+            if listener not in self._verifiers:
+                self._verifiers[listener] = MessageVerifier(self._rules, self._checks)
+            content, rejection, done_ns = self._verifiers[listener].verify(packet, now_ns)
+            if content is None:
+                return Delivery(None, rejection, done_ns)
+            return Delivery(cam_payload(parse_broadcast(content).btp), None, done_ns)
+        except (PacketError, CamError):
+            return Delivery(None, Rejection.MALFORMED, now_ns)
+
+
+def _cam(payload: bytes) -> CamCore | None:
+    try:
+        return core_of_tree(decode_cam_tree(payload))
+    except CamError:
+        return None
