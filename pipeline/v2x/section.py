@@ -22,6 +22,14 @@ CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Bitrates of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); they scale with the bandwidth."""
 
 
+def _recorded(section: Section, tree: dict[str, Any], **unused: object) -> dict[str, Any]:
+    """The tree of a section without keys that came later and have these values: older drives are recorded
+    with the same bytes."""
+    return {
+        key: each for key, each in tree.items() if key not in unused or getattr(section, key) != unused[key]
+    }
+
+
 class Shadowing(Section):
     """Log-normal shadowing, drawn anew for each message and receiver unless it has a correlation distance."""
 
@@ -38,6 +46,10 @@ class Shadowing(Section):
         description="distance over which the autocorrelation falls to 1/e when one end of a link moves "
         "(Gudmundson 1991); null: drawn anew for each message and receiver",
     )
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _recorded(self, handler(self), correlation_distance_m=None)
 
 
 class Radio(Section):
@@ -132,6 +144,10 @@ class Radio(Section):
             )
         return self
 
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _recorded(self, handler(self), vehicle_loss="none")
+
 
 class CamRules(Section):
     """The rules by which stations generate CAMs (EN 302 637-2, 6.1.3)."""
@@ -173,6 +189,10 @@ class CamRules(Section):
                 f"min_interval_s {self.min_interval_s:g} is above max_interval_s {self.max_interval_s:g}"
             )
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _recorded(self, handler(self), low_dynamics_cams=3)
 
 
 class SelfKnowledge(Section):
@@ -261,15 +281,10 @@ class V2x(Section):
 
     @model_serializer(mode="wrap")
     def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leaves out keys of packets and security that are not used: such a drive is recorded as before."""
-        tree: dict[str, Any] = handler(self)
-        unused = ("geonetworking", "security", "security_rules")
-        defaults = (False, "none", SecurityRules())
-        return {
-            key: value
-            for key, value in tree.items()
-            if key not in unused or getattr(self, key) != defaults[unused.index(key)]
-        }
+        """Drives without packets and security are recorded as before there were any."""
+        return _recorded(
+            self, handler(self), geonetworking=False, security="none", security_rules=SecurityRules()
+        )
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:
         """Whether Local Dynamic Maps are recorded at this frame."""

@@ -33,7 +33,8 @@ def find_form(name: str) -> DriveForm:
     if name in FORMS:
         return FORMS[name]
     if ":" not in name:
-        raise UsageError(f"unknown form {name!r}; {known_names(name, FORM_NAMES)} (or your own module:Class)")
+        known = known_names(name, {**FORMS, **dict.fromkeys(FORM_NAMES)})
+        raise UsageError(f"unknown form {name!r}; {known} (or your own module:Class)")
     found = import_object(name, f"cannot load form {name}")
     if not (isinstance(found, type) and issubclass(found, DriveForm)):
         raise UsageError(f"{name} is not a form: it has to inherit from DriveForm")

@@ -4,23 +4,9 @@ import numpy as np
 import pytest
 from rotating import NOTHING, knowledge, turn
 
-from advpipe.pipeline.attack_detection.base import Suspicion
 from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS
 from advpipe.pipeline.attack_detection.registry import ATTACK_CHECKS, parse_attack_checks
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-
-
-class Bright:
-    def __init__(self, knowledge):
-        self.limit = max(cloud["intensity"].max() for cloud in knowledge.clean)
-
-    def __call__(self, cloud, detections):
-        return Suspicion(float(cloud["intensity"].max()), points=cloud["intensity"] > self.limit)
-
-
-class Wrong(Bright):
-    def __call__(self, cloud, detections):
-        return Suspicion(0.0, points=np.zeros(3, bool))
 
 
 def test_names():
@@ -45,7 +31,7 @@ def test_wrong_names_are_refused(names, error):
 
 
 def test_a_check_of_ones_own():
-    make = parse_attack_checks(["test_registry:Bright"])["test_registry:Bright"]
+    make = parse_attack_checks(["own_attack_checks:Bright"])["own_attack_checks:Bright"]
     cloud = turn(1)
     cloud["intensity"][4] = 1
     found = make(knowledge())(cloud, NOTHING)
@@ -53,6 +39,6 @@ def test_a_check_of_ones_own():
 
 
 def test_a_wrong_answer_of_ones_own_check_is_one_line():
-    make = parse_attack_checks(["test_registry:Wrong"])["test_registry:Wrong"]
-    with pytest.raises(AdvpipeError, match=r"test_registry:Wrong failed.*points has the shape"):
+    make = parse_attack_checks(["own_attack_checks:Wrong"])["own_attack_checks:Wrong"]
+    with pytest.raises(AdvpipeError, match=r"own_attack_checks:Wrong failed.*points has the shape"):
         make(knowledge())(turn(1), NOTHING)

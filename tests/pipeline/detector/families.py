@@ -40,6 +40,9 @@ def small_network(name: str) -> VoxelNetwork:
     for module in net.head.modules():
         if isinstance(module, torch.nn.Conv2d):
             torch.nn.init.normal_(module.weight, std=0.1 if module.kernel_size == (3, 3) else 0.4)
+    for place, weight in net.head.named_parameters():
+        if "center_z" in place and weight.ndim == 4:
+            torch.nn.init.normal_(weight, std=0.02)  # so that boxes lie in the range
     return net
 
 

@@ -33,7 +33,6 @@ def security(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return section
 
 
-@pytest.mark.oracle
 @pytest.mark.skipif(not IS_SECURE, reason="this Cyclone DDS is built without security, as its wheels are")
 def test_only_a_subscriber_with_the_keys_receives(security: str) -> None:
     domain = new_domain()

@@ -48,7 +48,11 @@ def test_keys_are_those_of_the_schema(lists: tuple[str, ...], formulas: tuple[Fo
 
 
 def holds(schema: dict[str, Any], key: str) -> bool:
+    """Whether an object of the schema, or of a list in it, has such a key."""
     names = [key.replace("*", example) for example in EXAMPLES]
-    return any(fnmatchcase(each, key) for each in schema["properties"]) or any(
-        re.search(pattern, name) for pattern in schema.get("patternProperties", {}) for name in names
+    inner = [each.get("items", {}) for each in schema["properties"].values()]
+    return (
+        any(fnmatchcase(each, key) for each in schema["properties"])
+        or any(re.search(pattern, name) for pattern in schema.get("patternProperties", {}) for name in names)
+        or any(holds(each, key) for each in inner if "properties" in each)
     )
