@@ -240,7 +240,7 @@ class SecurityRules(Section):
         description="messages that may wait to be verified; more are rejected",
     )
     max_age_s: Positive = Field(
-        2.0, le=600, description="time after its signature for which a message is accepted"
+        2.0, ge=0.01, le=600, description="time after its signature for which a message is accepted"
     )
     clock_tolerance_s: NotNegative = Field(
         0.2, le=60, description="how far in the future a message may have been signed"
