@@ -29,18 +29,11 @@ class DetectorResult:
     roc: RocCurve
 
 
-@dataclass(frozen=True)
-class ScoredAttack:
-    """One attack of a bag, scored on its false messages and all honest ones, without those of other attacks.
+@dataclass(frozen=True, kw_only=True)
+class ScoredDetectors:
+    """The results of misbehaviour detectors on the same messages, by name."""
 
-    attack: with the part of a mix, if labelled. detectors: by name. published: F1 of CaTCH on other data, or
-    NaN.
-    """
-
-    attack: str
-    false_messages: int
     detectors: Mapping[str, DetectorResult]
-    published: float
 
     @property
     def ours(self) -> Scores:
@@ -51,6 +44,19 @@ class ScoredAttack:
     def baseline(self) -> Scores:
         """The scores of CaTCH's checks, tuned as ours are."""
         return self.detectors[BASELINE].scores
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoredAttack(ScoredDetectors):
+    """One attack of a bag, scored on its false messages and all honest ones, without those of other attacks.
+
+    attack: with the part of a mix, if labelled. published: F1 of CaTCH on other data, or
+    NaN.
+    """
+
+    attack: str
+    false_messages: int
+    published: float
 
 
 @dataclass(frozen=True)
@@ -70,13 +76,13 @@ class ListenerVerdicts:
     detectors: Mapping[str, Verdicts]
 
 
-@dataclass(frozen=True)
-class Detection:
+@dataclass(frozen=True, kw_only=True)
+class Detection(ScoredDetectors):
     """The results of detectors on the messages that all listeners of a bag received.
 
     attack: empty for a clean bag. messages, false_messages: received, where the bag records their senders.
     undecoded: messages that are not CAMs and were not sent by an attack; decoders drop them, and they do not
-    count. detectors: by name, on all messages. parts: by attack. flagged_by_check: false messages that each
+    count. detectors: on all messages. parts: by attack. flagged_by_check: false messages that each
     check of ours flags, most first.
     """
 
@@ -84,20 +90,9 @@ class Detection:
     messages: int
     false_messages: int
     undecoded: int
-    detectors: Mapping[str, DetectorResult]
     parts: tuple[ScoredAttack, ...]
     flagged_by_check: dict[str, int]
     verdicts: tuple[ListenerVerdicts, ...] = field(default=(), compare=False, repr=False)
-
-    @property
-    def ours(self) -> Scores:
-        """The scores of our detector."""
-        return self.detectors[OURS].scores
-
-    @property
-    def baseline(self) -> Scores:
-        """The scores of CaTCH's checks, tuned as ours are."""
-        return self.detectors[BASELINE].scores
 
 
 @dataclass(frozen=True)
@@ -147,14 +142,14 @@ def detect(
             flagged_by_check[name] += int((check.flagged & each.is_false & each.is_scored).sum())
     received = sum(int(each.is_counted.sum()) for each in verdicts)
     return Detection(
-        " + ".join(sorted({label.attack for label in labels})),
-        received,
-        int(is_false_message.sum()),
-        received - len(is_false_message),
-        messages.results(is_false_message, everything),
-        tuple(_parts(messages, labels, is_false_message, published or {})),
-        {name: count for name, count in flagged_by_check.most_common() if count},
-        verdicts,
+        attack=" + ".join(sorted({label.attack for label in labels})),
+        messages=received,
+        false_messages=int(is_false_message.sum()),
+        undecoded=received - len(is_false_message),
+        detectors=messages.results(is_false_message, everything),
+        parts=tuple(_parts(messages, labels, is_false_message, published or {})),
+        flagged_by_check={name: count for name, count in flagged_by_check.most_common() if count},
+        verdicts=verdicts,
     )
 
 
@@ -226,7 +221,14 @@ def _parts(
         is_false = are_false(received.numbers, own)
         attack = own[0].part if own[0].attack_and_part == name and own[0].part else own[0].attack
         found = received.results(is_false, is_false | ~is_false_message)
-        parts.append(ScoredAttack(name, int(is_false.sum()), found, published.get(attack, math.nan)))
+        parts.append(
+            ScoredAttack(
+                attack=name,
+                false_messages=int(is_false.sum()),
+                detectors=found,
+                published=published.get(attack, math.nan),
+            )
+        )
     return parts
 
 

@@ -105,7 +105,15 @@ def _scored_attacks(attacked: Sequence[EvaluatedDrive]) -> Iterator[tuple[Evalua
     for drive in attacked:
         each = drive.detection
         if all(part.false_messages != each.false_messages for part in each.parts):
-            yield drive, ScoredAttack("all", each.false_messages, each.detectors, math.nan)
+            yield (
+                drive,
+                ScoredAttack(
+                    attack="all",
+                    false_messages=each.false_messages,
+                    detectors=each.detectors,
+                    published=math.nan,
+                ),
+            )
         for part in each.parts:
             yield drive, part
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import subprocess
 import time
 from collections.abc import Sequence
@@ -41,7 +42,10 @@ class Server:
         if self.process is not None and after_error:
             self.process.kill()
         if self.client is not None:
-            with suppress(traci.exceptions.TraCIException, traci.exceptions.FatalTraCIError, OSError):
+            # struct.error: Ctrl-C may leave half a response unread, which the next command takes for its own.
+            with suppress(
+                traci.exceptions.TraCIException, traci.exceptions.FatalTraCIError, struct.error, OSError
+            ):
                 self.client.close(False)
         if self.process is not None:
             try:

@@ -203,6 +203,27 @@ def test_an_error_of_ours_stops_the_server(tmp_path: Path) -> None:
     assert children(os.getpid()) == before
 
 
+def test_ctrl_c_between_a_command_and_its_response(
+    tmp_path: Path, variants: dict[str, Variant], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The response that was not read must not be taken for that of the command that closes the connection."""
+    import traci
+
+    def interrupted(_connection: object) -> None:
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    before = children(os.getpid())
+    scenario = load_scenario("smoke", [*SMALL, TRACI])
+    network = load_network(scenario.map, tmp_path)
+    traffic = SumoTraffic(scenario, network, variants, tmp_path).__enter__()
+    monkeypatch.setattr(traci.connection.Connection, "_recvExact", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        traffic.step()
+    traffic.__exit__(stopped.type, stopped.value, stopped.tb)
+    assert children(os.getpid()) == before
+
+
 def test_a_failed_start_of_sumo_is_a_one_line_error(tmp_path: Path, variants: dict[str, Variant]) -> None:
     scenario = load_scenario("smoke", [*SMALL, TRACI])
     network = load_network(scenario.map, tmp_path)
