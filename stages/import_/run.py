@@ -13,15 +13,17 @@ import yaml
 from advpipe.pipeline.bag.provenance import imported_provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_source import RecordedSource
+from advpipe.pipeline.bag.summary import BagSummary
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, as_usage_error
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.job_folder import job_folder
+from advpipe.pipeline.core.licence import licence_line
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, remove_output, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
-from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.tabular import Rows
 from advpipe.pipeline.core.text import counted, escape_unprintable
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.mcap.channel import StampedCdr
@@ -44,28 +46,18 @@ PART_FRAMES = 20
 
 
 @dataclass(frozen=True, repr=False)
-class ImportSummary(Tabular):
+class ImportSummary(BagSummary):
     """What was imported. licence: of the source, None if it was not stated. notes: sentences."""
 
-    bag: Path
     form: str
     frames: int
     counts: FrameCounts
     licence: str | None
     notes: tuple[str, ...] = ()
 
-    @property
-    def data_set(self) -> Path:
-        """The folder with the clean bag, to which attacks add theirs."""
-        return self.bag.parent
-
-    def __fspath__(self) -> str:
-        return str(self.bag)
-
     def __str__(self) -> str:
-        licence = f"licence: {self.licence or 'not stated (--licence), so the card cannot say it'}"
         about = f"{self.bag}: {counted(self.frames, 'frame')}, {self.counts}"
-        return "\n".join([about, licence, *self.notes])
+        return "\n".join([about, licence_line(self.licence), *self.notes])
 
     def to_dicts(self) -> Rows:
         """One row: the bag and its counts."""

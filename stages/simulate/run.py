@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import clean_provenance
+from advpipe.pipeline.bag.summary import BagSummary
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import as_usage_error
 from advpipe.pipeline.core.gc_freeze import gc_frozen
@@ -15,7 +16,7 @@ from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.tabular import Rows
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.live.stream import live_stream
 from advpipe.pipeline.scenario import Scenario, dump_scenario
@@ -39,27 +40,18 @@ NETWORK, WORLD, RECORDING = "loading the road network", "building the world", "r
 
 
 @dataclass(frozen=True, repr=False)
-class SimulationSummary(Tabular):
+class SimulationSummary(BagSummary):
     """The summary of a drive; `road_users` counts all that were ever within a sensor's range.
 
-    bag: the clean bag, to which the summary also converts as a path. points: of all clouds together.
+    bag: the clean bag. points: of all clouds together.
     v2x: None if the scenario disables V2X.
     """
 
-    bag: Path
     frames: int
     clouds: int
     points: int
     road_users: int
     v2x: Statistics | None
-
-    @property
-    def data_set(self) -> Path:
-        """The folder with the clean bag, to which attacks add theirs."""
-        return self.bag.parent
-
-    def __fspath__(self) -> str:
-        return str(self.bag)
 
     def __str__(self) -> str:
         summary = (

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from advpipe.pipeline.detector.common.preset import Anchor, AnchorVoxelPreset, BevBlock
+from advpipe.pipeline.detector.common.preset import AnchorVoxelPreset, BevBlock
 from advpipe.pipeline.detector.expected_input import ExpectedInput
 from advpipe.pipeline.detector.protocol import Range
+from advpipe.pipeline.detector.second.presets import KITTI as SECOND_KITTI
 from advpipe.pipeline.detector.second.presets import SMALL as SECOND_SMALL
 
 Row = tuple[float, ...]
@@ -58,13 +59,9 @@ KITTI = PointPillarsPreset(
     channels=64,
     bev=(BevBlock(3, 2, 64, 1, 128), BevBlock(5, 2, 128, 2, 128), BevBlock(5, 2, 256, 4, 128)),
     classes=("car", "pedestrian", "cyclist"),
-    anchors=(
-        Anchor("car", 3.9, 1.6, 1.56, -1.78, 0.6, 0.45),
-        Anchor("pedestrian", 0.8, 0.6, 1.73, -0.6, 0.5, 0.35),
-        Anchor("cyclist", 1.76, 0.6, 1.73, -0.6, 0.5, 0.35),
-    ),
-    yaws_rad=(0.0, 1.57),
-    direction_offset_rad=0.78539,
+    anchors=SECOND_KITTI.anchors,
+    yaws_rad=SECOND_KITTI.yaws_rad,
+    direction_offset_rad=SECOND_KITTI.direction_offset_rad,
     points_per_voxel=32,
     max_voxels=40_000,
     max_voxels_training=16_000,

@@ -16,11 +16,13 @@ import yaml
 
 from advpipe.pipeline.bag.provenance import attack_provenance, imported_provenance
 from advpipe.pipeline.bag.provenance_record import Provenance
+from advpipe.pipeline.bag.summary import BagSummary
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import OutputExistsError, UsageError, as_usage_error
+from advpipe.pipeline.core.licence import licence_line
 from advpipe.pipeline.core.partial import FolderKind, finish_moves, staged_folder
 from advpipe.pipeline.core.progress import plan_progress, track
-from advpipe.pipeline.core.tabular import Rows, Tabular
+from advpipe.pipeline.core.tabular import Rows
 from advpipe.pipeline.core.text import counted, escape_unprintable
 from advpipe.pipeline.dataset.layout import SOURCE_NAME
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -40,10 +42,9 @@ ORIGIN_DEG = (48.76, 11.42)
 
 
 @dataclass(frozen=True, repr=False)
-class LogSummary(Tabular):
+class LogSummary(BagSummary):
     """What was imported of a log. bag: the one with all beacons."""
 
-    bag: Path
     form: str
     receivers: int
     received: int
@@ -51,21 +52,12 @@ class LogSummary(Tabular):
     licence: str | None
     notes: tuple[str, ...] = ()
 
-    @property
-    def data_set(self) -> Path:
-        """The folder with both bags."""
-        return self.bag.parent
-
-    def __fspath__(self) -> str:
-        return str(self.bag)
-
     def __str__(self) -> str:
         about = (
             f"{self.bag}: {counted(self.received, 'beacon')} received by "
             f"{counted(self.receivers, 'vehicle')}, {self.false:,} of them false"
         )
-        licence = f"licence: {self.licence or 'not stated (--licence), so the card cannot say it'}"
-        return "\n".join([about, licence, *self.notes])
+        return "\n".join([about, licence_line(self.licence), *self.notes])
 
     def to_dicts(self) -> Rows:
         """One row: the bag and its counts."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
+from batch_norms import draw_batch_norms
 
 from advpipe.pipeline.detector.centerpoint.model import CenterPointNet
 from advpipe.pipeline.detector.centerpoint.presets import SMALL as CENTRES
@@ -31,12 +32,7 @@ def small_network(name: str) -> VoxelNetwork:
     r = preset.range_m
     torch.manual_seed(5)
     net = build(replace(preset, range_m=Range(-HALF_M, -HALF_M, r.z_min_m, HALF_M, HALF_M, r.z_max_m)))
-    for module in net.modules():
-        if isinstance(module, (torch.nn.BatchNorm1d, torch.nn.BatchNorm2d)):
-            torch.nn.init.uniform_(module.weight, 0.7, 1.3)
-            torch.nn.init.uniform_(module.bias, -0.3, 0.5)
-            torch.nn.init.uniform_(module.running_mean, -0.2, 0.2)
-            torch.nn.init.uniform_(module.running_var, 0.3, 1.0)
+    draw_batch_norms(net)
     for module in net.head.modules():
         if isinstance(module, torch.nn.Conv2d):
             torch.nn.init.normal_(module.weight, std=0.1 if module.kernel_size == (3, 3) else 0.4)
