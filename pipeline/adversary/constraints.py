@@ -29,6 +29,12 @@ GOALS = ("break", HIDE)
 
 TRUTHS = ("boxes", "detections")
 
+SCORE_BASED, DECISION_BASED = BLACK_BOX = ("score-based", "decision-based")
+"""The recipes that see detections alone: neither weights nor loss, and no true boxes."""
+
+IMPLIED = {HIDE: {"goal": HIDE}, **{recipe: {"truth": "detections"} for recipe in BLACK_BOX}}
+"""The constraints that a recipe implies."""
+
 OBJECT_MARGIN_M = 1.0
 """The reach of an attack on chosen objects around them, if `near_objects_m` is not given."""
 
@@ -102,10 +108,10 @@ class Constraints:
     @staticmethod
     def among(parameters: Mapping[str, Any]) -> Constraints:
         """The constraints among all parameters of an attack, its recipe with them; missing ones have their
-        defaults. The recipe that hides has its goal in its name."""
+        defaults. What a recipe implies is set."""
         known = {option.name for option in fields(Constraints)}
         found = {name: value for name, value in parameters.items() if name in known}
-        return Constraints.of(found | ({"goal": HIDE} if parameters.get("recipe") == HIDE else {}))
+        return Constraints.of(found | IMPLIED.get(parameters.get("recipe", ""), {}))
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
+from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
@@ -48,7 +49,9 @@ from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
     NO_OCCUPANCY,
+    QUERIES,
     QUERYING,
+    STEPPING,
     WITH_GOAL,
     Budget,
     LidarAttack,
@@ -70,7 +73,7 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-RECIPES = ("best", "hide", "robust", "stealthy", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "hide", "robust", "stealthy", "paper", *BLACK_BOX, "random", "random-near", "random-best")
 
 MAX_EPS_M = 5.0
 
@@ -91,18 +94,21 @@ class Attach(LidarAttack):
 
     points: how many points to add.
     eps_m: how far from the clean cloud's points they may lie.
-    recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to
-        a clean point, evaluates the detections, and spends the points on the objects that need the fewest;
-        for a detector without `occupancy_loss`, it searches random places by the detections
-        (`subset_search`). "hide" is "best" with the goal to hide: no box that overlaps an object loosely is
-        left. "robust" keeps a distance from the voxels' faces, and takes gains and objective as means over
-        draws of defences (`expectation`), a pass for each of four. "stealthy" adds at most so many points,
-        one on each of the rays that returned nothing, before what would hide them. "paper" shifts copies of
+    recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to a
+        clean point, evaluates the detections, and spends the points on the objects that need the fewest; for
+        a detector without `occupancy_loss`, it searches random places by the detections (`subset_search`).
+        "hide" is "best" with the goal to hide: no box that overlaps an object loosely is left. "robust" keeps
+        a distance from the voxels' faces, and takes gains and objective as means over draws of defences
+        (`expectation`), a pass for each of four. "stealthy" adds at most so many points, one on each of the
+        rays that returned nothing, before what would hide them. "score-based" and "decision-based" are
+        black-box attacks: they see detections alone, the second no scores (`black_box`), and search random
+        places (`subset_search`) at the objects that are detected in the clean cloud. "paper" shifts copies of
         the most salient points (`attach_paper`). Random baselines: "random" in balls around any points,
         "random-near" around those near objects, "random-best" likewise with the selection of "best": the
         baseline that reports compare the attack with. New points copy the intensity of the point that they
         start from.
     rounds: how often "best", "hide" and "stealthy" rank the places.
+    queries: how many detections the black-box recipes ask for.
     weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
         lambda and gives no value.
     decay_m: "best", "hide" and "robust" multiply the gain of a point at distance d from the clean ones by
@@ -129,7 +135,8 @@ class Attach(LidarAttack):
             ),
         ),
         only_for={
-            "rounds": QUERYING,
+            "rounds": STEPPING,
+            "queries": BLACK_BOX,
             "goal": WITH_GOAL,
             "weight": ("paper",),
             "decay_m": ("best", "hide", "robust", "stealthy"),
@@ -141,6 +148,7 @@ class Attach(LidarAttack):
     points: int = 300
     recipe: str = "best"
     rounds: int = 10
+    queries: int = QUERIES
     weight: float = 0.0
     decay_m: float = 1.0
     along_ray: bool = False
@@ -161,6 +169,7 @@ class Attach(LidarAttack):
         checked_number("attach", "weight", self.weight, 0)
         self.points = checked_integer("attach", "points", self.points, 1, MAX_POINTS)
         self.rounds = checked_integer("attach", "rounds", self.rounds, 1, MAX_ROUNDS)
+        self.queries = checked_integer("attach", "queries", self.queries, 2, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -178,8 +187,8 @@ class Attach(LidarAttack):
 
     @property
     def baseline_tries(self) -> int:
-        """As many as recipe best judges."""
-        return queries(self.rounds)
+        """As many as recipe best judges; for a black-box recipe, as many as it asks for."""
+        return self.queries if self.recipe in BLACK_BOX else queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -192,14 +201,15 @@ class Attach(LidarAttack):
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
         if not len(scene):
             return unchanged(cloud, "no points to start from")
-        boxes = known_boxes(self.constraints, detector, scene, boxes)
-        goal = goal_of(self.constraints, detector, scene, boxes)
+        seen = as_seen_by(self.recipe, detector)
+        boxes = known_boxes(self.constraints, seen, scene, boxes)
+        goal = goal_of(self.constraints, seen, scene, boxes)
         loss_before, found = look(detector, xyzi(scene), goal.reported_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
         if not len(goal.targets) and focused:
             return unchanged(cloud, goal.note)
         rules = Rules(self.constraints, xyz(scene), boxes)
-        objective = AttackObjective(goal, detector, goal.success(found))
+        objective = AttackObjective(goal, seen, goal.success(told_by(seen, found)))
         try:
             if self.recipe == "stealthy":
                 places, note = self._on_empty_rays(scene, objective, rules, rng)
@@ -250,7 +260,7 @@ class Attach(LidarAttack):
                 problem = RobustAttachProblem(clean, places, expected, rng, decay_m=self.decay_m)
             best = add_greedily(problem, self.points, self.query_budget)
         else:
-            note = NO_OCCUPANCY
+            note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY
             places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
             best = self._searched_places(clean, places, objective, rng)
         if short := self.points - len(best):

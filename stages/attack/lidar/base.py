@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from advpipe.pipeline.adversary.constraints import HIDE
+from advpipe.pipeline.adversary.constraints import BLACK_BOX, HIDE
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -26,8 +26,14 @@ NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 NO_OCCUPANCY = "no occupancy_loss: searched by the detections, and the gradient of the loss where it has one"
 """The note on a frame that recipes attack by its detections."""
 
-QUERYING = ("best", "hide", "robust", "stealthy", "random-best")
+STEPPING = ("best", "hide", "robust", "stealthy", "random-best")
+"""The recipes that query the detector in so many steps or rounds, and keep the best candidate."""
+
+QUERYING = (*STEPPING, *BLACK_BOX)
 """The recipes that query the detector, and keep the best candidate."""
+
+QUERIES = 200
+"""How many detections a black-box recipe asks for by default; benchmarks/black_box.py has the curve."""
 
 WITH_GOAL = tuple(recipe for recipe in QUERYING if recipe != HIDE)
 """Those whose goal can be chosen: `hide` has its own."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
-from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
+from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
@@ -32,7 +33,9 @@ from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
     NO_OCCUPANCY,
+    QUERIES,
     QUERYING,
+    STEPPING,
     WITH_GOAL,
     Budget,
     LidarAttack,
@@ -47,7 +50,7 @@ from advpipe.stages.attack.lidar.robust_detach import RobustDetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 from advpipe.stages.attack.lidar.stealthy import NO_RINGS, StealthyDetachProblem
 
-RECIPES = ("best", "hide", "robust", "stealthy", "paper", "random", "random-near", "random-best")
+RECIPES = ("best", "hide", "robust", "stealthy", "paper", *BLACK_BOX, "random", "random-near", "random-best")
 
 
 @dataclass(kw_only=True, eq=False)
@@ -59,16 +62,19 @@ class Detach(LidarAttack):
 
     ratio: the fraction to remove, in (0, 1). Halves round up; at least one point is removed, and one stays.
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
-    recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the
-        budget on the objects that are lost with the fewest points; for a detector without `occupancy_loss`,
-        it searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide:
-        no box that overlaps an object loosely is left; "robust" takes gains and objective as means over draws
-        of defences (`expectation`), a pass for each of four; "stealthy" removes at most so many points, and
-        in no window of rays so many that the density check of `evaluate` notices; "paper" is the greedy
-        gradient-norm saliency of the paper (section III-A, Eq. 3). Random baselines of equal budget: "random"
-        anywhere, "random-near" near objects, "random-best" there with the selection of "best": the baseline
-        that reports compare the attack with.
+    recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the budget
+        on the objects that are lost with the fewest points; for a detector without `occupancy_loss`, it
+        searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide: no
+        box that overlaps an object loosely is left; "robust" takes gains and objective as means over draws of
+        defences (`expectation`), a pass for each of four; "stealthy" removes at most so many points, and in
+        no window of rays so many that the density check of `evaluate` notices; "score-based" and
+        "decision-based" are black-box attacks: they see detections alone, the second no scores (`black_box`),
+        and search (`subset_search`) points of the objects that are detected in the clean cloud; "paper" is
+        the greedy gradient-norm saliency of the paper (section III-A, Eq. 3). Random baselines of equal
+        budget: "random" anywhere, "random-near" near objects, "random-best" there with the selection of
+        "best": the baseline that reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
+    queries: how many detections the black-box recipes ask for.
     near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
     """
 
@@ -89,12 +95,13 @@ class Detach(LidarAttack):
                 PublishedFigure(table_value=1.5, map_ratio_percent=88.75, chamfer_distance_m2=0.13397),
             ),
         ),
-        only_for={"rounds": (*QUERYING, "paper"), "goal": WITH_GOAL},
+        only_for={"rounds": (*STEPPING, "paper"), "queries": BLACK_BOX, "goal": WITH_GOAL},
     )
 
     ratio: float
     recipe: str = "best"
     rounds: int = 10
+    queries: int = QUERIES
     near_objects_m: float | None = None
     goal: str = GOALS[0]
     truth: str = TRUTHS[0]
@@ -107,6 +114,7 @@ class Detach(LidarAttack):
             raise UsageError(f"detach: ratio is {self.ratio}, but {limits}")
         checked_choice("detach", "recipe", self.recipe, RECIPES)
         self.rounds = checked_integer("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
+        self.queries = checked_integer("detach", "queries", self.queries, 2, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
 
     @property
@@ -124,8 +132,8 @@ class Detach(LidarAttack):
 
     @property
     def baseline_tries(self) -> int:
-        """As many as recipe best judges."""
-        return queries(self.rounds)
+        """As many as recipe best judges; for a black-box recipe, as many as it asks for."""
+        return self.queries if self.recipe in BLACK_BOX else queries(self.rounds)
 
     @property
     def needs_ground_truth(self) -> bool:
@@ -144,8 +152,9 @@ class Detach(LidarAttack):
         if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
         scene = cloud[finite]
-        boxes = known_boxes(self.constraints, detector, scene, boxes)
-        goal = goal_of(self.constraints, detector, scene, boxes)
+        seen = as_seen_by(self.recipe, detector)
+        boxes = known_boxes(self.constraints, seen, scene, boxes)
+        goal = goal_of(self.constraints, seen, scene, boxes)
         loss_before, found = look(detector, xyzi(scene), goal.reported_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
@@ -155,7 +164,7 @@ class Detach(LidarAttack):
         if not budget:
             return unchanged(cloud, join_notes(goal.note, "no point that may be removed"), loss_before)
         note = "" if budget == self.budget(len(scene)) else f"only {budget} points lie near enough"
-        objective = AttackObjective(goal, detector, goal.success(found))
+        objective = AttackObjective(goal, seen, goal.success(told_by(seen, found)))
         try:
             chosen, shortage = self._choose(scene, rules, budget, objective, rng)
         except NoGradientError:
@@ -196,7 +205,8 @@ class Detach(LidarAttack):
                 problem = RobustDetachProblem(xyzi(scene), owner, expected, rng)
             chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         else:
-            note, plain = NO_OCCUPANCY, LossRemovalProblem(xyzi(scene), owner, objective, rng)
+            note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY
+            plain = LossRemovalProblem(xyzi(scene), owner, objective, rng)
             found = SubsetSearch(plain, rng).allocation(budget, self.query_budget)
             chosen, short = with_random_rest(found, allowed, budget, rng)
         return chosen, join_notes("nothing more to gain: the rest removed at random" if short else "", note)

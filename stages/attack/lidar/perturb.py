@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.adversary.constraints import GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
+from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.gradient import NoGradientError
@@ -27,7 +28,9 @@ from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
     NO_OCCUPANCY,
+    QUERIES,
     QUERYING,
+    STEPPING,
     WITH_GOAL,
     Budget,
     LidarAttack,
@@ -60,6 +63,7 @@ RECIPES = {
     "random": 1,
     "random-near": 1,
     "random-best": 24,
+    **dict.fromkeys(BLACK_BOX, 24),
 }
 """The default number of steps of each recipe: gradients, or random candidates."""
 
@@ -80,11 +84,14 @@ class Perturb(LidarAttack):
         overlaps an object loosely is left, and twice the steps. "robust" moves points by the whole reach, and
         takes gains and successes as means over draws of defences (`robust_search`), a pass for each of four.
         "stealthy" keeps points on their rays and before what hides them, and spreads them in the voxels, so
-        that the checks of `evaluate` do not notice. "paper" is the PGD of the paper (section III-A, Eq. 1 and
-        2) on all points. Random baselines: "random" moves all points by eps in a random direction,
-        "random-near" those near objects, and "random-best" draws `steps` candidates there, with the selection
-        of "best": the baseline that reports compare the attack with.
+        that the checks of `evaluate` do not notice. "score-based" and "decision-based" are black-box attacks:
+        they see detections alone, the second no scores (`black_box`), and search deformations
+        (`score_search`) of the objects that are detected in the clean cloud. "paper" is the PGD of the paper
+        (section III-A, Eq. 1 and 2) on all points. Random baselines: "random" moves all points by eps in a
+        random direction, "random-near" those near objects, and "random-best" draws `steps` candidates there,
+        with the selection of "best": the baseline that reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
+    queries: how many detections the black-box recipes ask for.
     weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
         lambda and gives no value. At 0 points move by 8.7 cm (RMS, of 10 cm allowed), with the Chamfer
         distance of the paper; at 0.01 by 2 mm, as steps have equal length for each point.
@@ -109,7 +116,8 @@ class Perturb(LidarAttack):
             ),
         ),
         only_for={
-            "steps": (*QUERYING, "paper"),
+            "steps": (*STEPPING, "paper"),
+            "queries": BLACK_BOX,
             "goal": WITH_GOAL,
             "weight": ("paper",),
             "intensity": tuple(recipe for recipe in RECIPES if recipe not in ("paper", "robust")),
@@ -119,6 +127,7 @@ class Perturb(LidarAttack):
     eps_cm: float
     recipe: str = "best"
     steps: int = 0
+    queries: int = QUERIES
     weight: float = 0.0
     along_ray: bool = False
     keep_occlusion_order: bool = False
@@ -139,6 +148,7 @@ class Perturb(LidarAttack):
         checked_number("perturb", "weight", self.weight, 0)
         self.eps_m = float(self.eps_cm) / 100
         self.steps = checked_integer("perturb", "steps", self.steps, 0, MAX_ROUNDS) or RECIPES[self.recipe]
+        self.queries = checked_integer("perturb", "queries", self.queries, 1, MAX_ROUNDS)
         self.settings = SETTINGS.get(self.recipe, SETTINGS["best"])
         self.constraints = Constraints.among(vars(self))
         if self.recipe == "stealthy":
@@ -160,7 +170,9 @@ class Perturb(LidarAttack):
 
     @property
     def baseline_tries(self) -> int:
-        """As many as recipe best judges."""
+        """As many as recipe best judges; for a black-box recipe, as many as it asks for."""
+        if self.recipe in BLACK_BOX:
+            return self.queries
         return self.steps if self.recipe in QUERYING else RECIPES["best"]
 
     @property
@@ -177,16 +189,18 @@ class Perturb(LidarAttack):
             return unchanged(cloud, "no points to move")
         scene = cloud[finite]
         points = xyzi(scene)
-        boxes = known_boxes(self.constraints, detector, scene, boxes)
-        goal = goal_of(self.constraints, detector, scene, boxes)
+        seen = as_seen_by(self.recipe, detector)
+        boxes = known_boxes(self.constraints, seen, scene, boxes)
+        goal = goal_of(self.constraints, seen, scene, boxes)
         loss_before, found = look(detector, points, goal.reported_targets)
+        found = told_by(seen, found)
         if not len(goal.targets) and self.recipe != "random":
             return unchanged(cloud, goal.note)
         if self.recipe in QUERYING and self.settings.decoys:
             goal = with_decoys(goal, found, boxes)
         try:
             moved, note = self._moved(
-                points, goal, detector, found, Rules(self.constraints, xyz(scene), boxes), rng
+                points, goal, seen, found, Rules(self.constraints, xyz(scene), boxes), rng
             )
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
@@ -238,7 +252,7 @@ class Perturb(LidarAttack):
             )
         else:
             search = ScoreSearch(points, goal, detector, rules, owner, focus, self.eps_m, rng)
-            note = NO_OCCUPANCY
+            note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY
         if not self.settings.keep_best:
             unjudged = points
             for candidate in search.candidates(self.steps):
@@ -246,7 +260,7 @@ class Perturb(LidarAttack):
                 search.accept(everywhere)
             return unjudged, note
         most = self.constraints.max_points
-        best = PerObjectBest(goal, detector, points, found, owner, focus, self.steps, most)
+        best = PerObjectBest(goal, detector, points, found, owner, focus, self.query_budget, most)
         for candidate in search.candidates(best.candidates):
             search.accept(best.update(candidate.points, candidate.found))
         return best.combined(), note
