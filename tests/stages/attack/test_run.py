@@ -222,6 +222,7 @@ def test_same_request_twice_at_a_time_is_refused(clean_bag, tmp_path, monkeypatc
     find = linear_detector.Shipped.occupancy_loss
 
     def meanwhile(self, *targets):
+        monkeypatch.setattr(linear_detector.Shipped, "occupancy_loss", find)
         with pytest.raises(AdvpipeError, match="locked by another run"):
             attack(clean_bag, tmp_path / "adv", request())
         return find(self, *targets)
@@ -287,7 +288,7 @@ def test_existing_output(clean_bag, tmp_path):
     ("changes", "line"),
     [
         ({"type": "detatch"}, "unknown attack 'detatch'; did you mean 'detach'"),
-        ({"recipe": "worst"}, "recipe is 'worst'; known: best, .*paper, random"),
+        ({"recipe": "worst"}, "recipe is 'worst'; known: best, .*paper, score-based"),
         ({"parameters": {}}, "ratio is missing; pass ratio"),
         ({"parameters": {"ratio": 2.0}}, "ratio is 2.0"),
         ({"parameters": {"ratio": 0.1, "eps": 0.1}}, "unknown parameter 'eps'; known: ratio, rounds"),

@@ -7,14 +7,14 @@ from cloud_moves import rng
 from linear_detector import LinearVoxelDetector
 from scipy.spatial import cKDTree
 
-from advpipe.pipeline.adversary.constraints import Constraints, Rules
+from advpipe.pipeline.adversary.constraints import BLACK_BOX, Constraints, Rules
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.cloud import xyz, xyzi
 from advpipe.stages.attack.lidar.attach import RECIPES as EVERY_RECIPE
 from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.attach_places import voxel_places
 
-RECIPES = tuple(name for name in EVERY_RECIPE if name != "stealthy")
+RECIPES = tuple(name for name in EVERY_RECIPE if name not in ("stealthy", *BLACK_BOX))
 """Those that need no rings; the others are in `test_stealthy`."""
 
 CHANCE = ("random", "random-near", "random-best")

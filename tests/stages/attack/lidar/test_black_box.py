@@ -13,6 +13,9 @@ from advpipe.pipeline.adversary.black_box import BlackBoxDetector, as_seen_by, t
 from advpipe.pipeline.adversary.constraints import BLACK_BOX
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
+from advpipe.pipeline.labels.cloud_change import CloudChange
+from advpipe.pipeline.labels.quantities import CLOUD_QUANTITIES
+from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.lidar.detach import Detach
@@ -47,6 +50,8 @@ def test_it_hides_the_object_by_its_queries_alone(scene, name, recipe):
         assert detector.looks <= attack.query_budget + 5
         assert detector.losses == 2  # those that are reported
         assert "occupancy_loss" not in result.note
+        change = CloudChange(cloud, result.cloud, result.labels)
+        assert not list(excesses(change, attack.bounds, CLOUD_QUANTITIES))
         found += strict_matches(detector, result.cloud, boxes)
     assert found <= 1
 
