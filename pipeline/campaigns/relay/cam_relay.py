@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from advpipe.pipeline.campaigns.relay.cam_attacks import CamAttacks
@@ -19,6 +18,8 @@ from advpipe.pipeline.campaigns.relay.outgoing import (
 from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
 from advpipe.pipeline.campaigns.relay.settings import RelaySettings
+from advpipe.pipeline.labels.growing_table import GrowingTable
+from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
@@ -119,10 +120,10 @@ class CamRelay:
     def end(self) -> None:
         """Nothing waits but what attacks hold back."""
 
-    def write_labels(self, folder: Path) -> None:
-        """Write v2x_labels.parquet, if any position was received."""
+    def write_labels(self) -> None:
+        """Finish v2x_labels.parquet, if any position was received."""
         if self._labels is not None:
-            self._labels.write(folder)
+            self._labels.write(self._recorder.folder)
 
     def _edited(
         self, attacks: CamAttacks, labels: Labels, begin_ns: int, end_ns: int, sent: Sequence[Sent]
@@ -199,6 +200,11 @@ class CamRelay:
         geodesy = self._place.geodesy
         self._attacks = CamAttacks(self._specs, self._settings.seed, self._cams, geodesy)
         self._labels = Labels(
-            self._cams, geodesy, self._attacks.names, V2x().ldm.expiry_s, self._attacks.declared
+            self._cams,
+            geodesy,
+            self._attacks.names,
+            V2x().ldm.expiry_s,
+            self._attacks.declared,
+            GrowingTable(self._recorder.folder / FILE, MESSAGE_COLUMNS),
         )
         return self._attacks

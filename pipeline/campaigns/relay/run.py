@@ -68,7 +68,7 @@ def relay(
                 seconds, cpu_s = loop.seconds, loop.cpu_s
         for part in parts:
             if isinstance(part, FixRelay | CamRelay):
-                part.write_labels(bag.folder)
+                part.write_labels()
     return RelaySummary(
         bag=out,
         topics=loop.rows(),

@@ -38,7 +38,7 @@ def run(tmp_path: Path, attack: dict[str, Any], tenths: int = 20, **others: Any)
             relay.take(packet_cdr(STATIONS[step % 4], now_ns), now_ns, 0.0)
             sent += relay.due(now_ns + 1000, 0.0)
         sent += relay.due(now_ns + TENTH_NS, 0.0)
-        relay.write_labels(tmp_path)
+        relay.write_labels()
     assert relay.counts.received == tenths * 4
     withheld = relay.counts.received - sum(one.fate != ADDED_BY_ATTACK for one in on(RAW, sent))
     assert relay.counts.withheld == withheld
@@ -67,11 +67,11 @@ def test_a_named_attacker_is_falsified_and_others_are_not(tmp_path: Path) -> Non
     assert {one.cdr for one in raw if one.fate == UNCHANGED} == {
         packet_cdr(STATIONS[step % 4], BEGIN_NS + step * TENTH_NS // 4) for step in range(80) if step % 4 != 1
     }
-    assert {(row["attacker"], row["action"]) for row in labels(tmp_path)} == {("102", "changed")}
-    assert [row["true_speed_mps"] for row in labels(tmp_path)] == pytest.approx(
+    assert {(row["attacker"], row["action"]) for row in labels(tmp_path / "bag")} == {("102", "changed")}
+    assert [row["true_speed_mps"] for row in labels(tmp_path / "bag")] == pytest.approx(
         [10 + 0.1 * step + 0.025 for step in range(20)], abs=0.011
     )
-    assert len(labels(tmp_path)) == 20
+    assert len(labels(tmp_path / "bag")) == 20
     values = on(VALUES, sent)
     message_class("etsi_its_cam_msgs/msg/CAM")  # which registers it
     cams = [typestore().deserialize_cdr(one.cdr, "etsi_its_cam_msgs/msg/CAM") for one in values]
@@ -82,7 +82,7 @@ def test_a_named_attacker_is_falsified_and_others_are_not(tmp_path: Path) -> Non
 def test_drop(tmp_path: Path) -> None:
     sent = run(tmp_path, {"type": "cam-drop", "attackers": {"vehicles": ["102"]}})
     assert {field_of(tree, "station_id") for tree in trees(sent)} == {101, 103, 104}
-    assert Counter(row["action"] for row in labels(tmp_path)) == {"dropped": 20}
+    assert Counter(row["action"] for row in labels(tmp_path / "bag")) == {"dropped": 20}
 
 
 def test_flood(tmp_path: Path) -> None:
@@ -116,14 +116,14 @@ def test_every_attack(tmp_path: Path, name: str) -> None:
     if name == "cam-stale":
         attack["parameters"] = {"messages": 5}
     sent = run(tmp_path, attack, tenths=60 if name == "cam-sybil-replay" else 30)
-    assert len(labels(tmp_path)) > 0
+    assert len(labels(tmp_path / "bag")) > 0
     assert len(on(RAW, sent)) > 0
 
 
 @pytest.mark.parametrize("share", [0.0001, 1.0])
 def test_a_share_is_drawn_station_by_station(tmp_path: Path, share: float) -> None:
     run(tmp_path, {"type": "cam-speed-constant", "attackers": {"share": share}}, tenths=3)
-    assert {row["attacker"] for row in labels(tmp_path)} == (
+    assert {row["attacker"] for row in labels(tmp_path / "bag")} == (
         {"101", "102", "103", "104"} if share == 1 else set()
     )
 
