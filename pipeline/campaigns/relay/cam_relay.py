@@ -23,6 +23,7 @@ from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
+from advpipe.pipeline.messages.cam_from_cdr import cam_tree_of_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import typestore
 from advpipe.pipeline.messages.v2x import udp_packet_cdr
@@ -31,6 +32,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.btp import cam_payload
 from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import encode_cam_tree
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.debug import claims_message
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
@@ -53,7 +55,8 @@ class _Arrived(NamedTuple):
 class CamRelay:
     """Where a station is, is what its own CAM says; that CAM is taken for genuine.
 
-    Messages that are no CAM of a vehicle pass unchanged.
+    Messages that are no CAM of a vehicle pass unchanged. Where no topic of packets is named, CAMs come and go
+    as etsi_its_cam_msgs/CAM alone; what an attack makes that is no CAM is withheld then.
     """
 
     def __init__(
@@ -61,9 +64,10 @@ class CamRelay:
     ) -> None:
         ego = VehicleTopics()
         self.counts = RelayCounts()
-        self._packets = Topic(settings.packet_topic, ego.received_raw.type, ego.received_raw.qos)
-        self._values = Topic(settings.cam_topic, ego.received_cam.type, ego.received_cam.qos)
-        self.topics = (self._packets, *((self._values,) if settings.cam_topic else ()))
+        packets = Topic(settings.packet_topic, ego.received_raw.type, ego.received_raw.qos)
+        values = Topic(settings.cam_topic, ego.received_cam.type, ego.received_cam.qos)
+        self.topics = tuple(topic for topic in (packets, values) if topic.name)
+        self._has_packets = bool(settings.packet_topic)
         self._settings, self._specs, self._place, self._recorder = settings, specs, place, recorder
         self._cams, self._stations = CamEditor(), HeardStations()
         self._attacks: CamAttacks | None = None
@@ -86,11 +90,7 @@ class CamRelay:
     def take(self, cdr: bytes, now_ns: int, arrival_s: float) -> None:
         """A packet that has come."""
         self.counts.received += 1
-        try:
-            packet: Any = typestore().deserialize_cdr(cdr, self._packets.type)
-            payload = cam_payload(bytes(packet.data))
-        except Exception:  # rosbags fails in any way on bytes that are no packet
-            payload = None
+        payload = _payload_of_packet(cdr) if self._has_packets else _payload_of_values(cdr)
         if payload is not None and not self._place.is_known:
             self._locate(payload)
         number = self._attacks.next_number() if self._attacks is not None else -1
@@ -105,13 +105,13 @@ class CamRelay:
         begin_ns, self._step_ns = self._step_ns, now_ns
         if self._attacks is None or self._labels is None:
             for one in arrived:
-                yield from self._messages(one.cdr, one.payload, UNCHANGED, one.arrival_s, now_ns)
+                yield from self._messages(one.cdr, one.payload, UNCHANGED, one.arrival_s)
             return
         self._cams.forget()
         sent = []
         for one in arrived:
             if (message := self._sent(one, now_ns)) is None:
-                yield from self._messages(one.cdr, None, UNCHANGED, one.arrival_s, now_ns)
+                yield from self._messages(one.cdr, None, UNCHANGED, one.arrival_s)
             else:
                 self._remember(one)
                 sent.append(message)
@@ -145,29 +145,40 @@ class CamRelay:
         for message in sorted(edited, key=lambda one: (one.request_ns, one.number)):
             known = self._remembered.pop(message.number, None)
             if known is not None and message == by_number.get(message.number):
-                yield from self._messages(known.cdr, known.payload, UNCHANGED, known.arrival_s, end_ns)
-            else:
-                fate, arrival_s = ADDED_BY_ATTACK if known is None else ATTACKED, None
-                if known is not None and message.number in by_number:
-                    arrival_s = known.arrival_s
-                elif known is not None:  # held back in an earlier step
-                    self.counts.withheld -= 1
-                cdr = udp_packet_cdr(message.request_ns, message.payload)
-                yield from self._messages(cdr, message.payload, fate, arrival_s, end_ns)
+                yield from self._messages(known.cdr, known.payload, UNCHANGED, known.arrival_s)
+                continue
+            is_of_step = message.number in by_number
+            if known is not None and not is_of_step:  # held back in an earlier step
+                self.counts.withheld -= 1
+            if (cdr := self._cdr(message)) is None:
+                self.counts.withheld += known is not None
+                continue
+            arrival_s = known.arrival_s if known is not None and is_of_step else None
+            fate = ADDED_BY_ATTACK if known is None else ATTACKED
+            yield from self._messages(cdr, message.payload, fate, arrival_s)
         self.counts.withheld += len(by_number.keys() - {message.number for message in edited})
 
     def _messages(
-        self, cdr: bytes, payload: bytes | None, fate: str, arrival_s: float | None, now_ns: int
+        self, cdr: bytes, payload: bytes | None, fate: str, arrival_s: float | None
     ) -> Iterator[OutgoingMessage]:
-        """The packet, and its values where it is a CAM that the message type can hold."""
-        yield OutgoingMessage(self._packets, cdr, fate, arrival_s)
-        if payload is None or not self._settings.cam_topic:
-            return
+        """The message, and its values beside the packet where it is a CAM that the message type can hold."""
+        first, *beside = self.topics
+        yield OutgoingMessage(first, cdr, fate, arrival_s)
+        for topic in beside:
+            if payload is not None and (values := self._values_of(payload)) is not None:
+                yield OutgoingMessage(topic, values, fate, arrival_s)
+
+    def _cdr(self, message: Sent) -> bytes | None:
+        """A message that an attack made, as consumers take it."""
+        if self._has_packets:
+            return udp_packet_cdr(message.request_ns, message.payload)
+        return self._values_of(message.payload)
+
+    def _values_of(self, payload: bytes) -> bytes | None:
         try:
-            values = cam_cdr(self._cams.decode(payload))
+            return cam_cdr(self._cams.decode(payload))
         except CamError:
-            return
-        yield OutgoingMessage(self._values, values, fate, arrival_s)
+            return None
 
     def _sent(self, one: _Arrived, now_ns: int) -> Sent | None:
         """The message as attacks see it, at the end of the step; None for what is no vehicle's CAM."""
@@ -208,3 +219,18 @@ class CamRelay:
             GrowingTable(self._recorder.folder / FILE, MESSAGE_COLUMNS),
         )
         return self._attacks
+
+
+def _payload_of_packet(cdr: bytes) -> bytes | None:
+    try:
+        packet: Any = typestore().deserialize_cdr(cdr, VehicleTopics().received_raw.type)
+        return cam_payload(bytes(packet.data))
+    except Exception:  # rosbags fails in any way on bytes that are no packet
+        return None
+
+
+def _payload_of_values(cdr: bytes) -> bytes | None:
+    try:
+        return encode_cam_tree(cam_tree_of_cdr(cdr))
+    except CamError:
+        return None

@@ -81,9 +81,7 @@ class FixRelay:
         )
         fate = ATTACKED if record.is_false else UNCHANGED
         self._outgoing.append(OutgoingMessage(topic, spoofed.cdr, fate, arrival_s))
-        self._labels.add_row(
-            {"vehicle": self._vehicle, "fix": self.counts.received - 1, **label(record)}
-        )
+        self._labels.add_row({"vehicle": self._vehicle, "fix": self.counts.received - 1, **label(record)})
         self._show(record, now_ns)
 
     def due(self, now_ns: int, now_s: float) -> Iterator[OutgoingMessage]:

@@ -61,7 +61,7 @@ class Recorder:
         return self._tables
 
     def call(self, task: Callable[[], None], size_bytes: int = 0) -> None:
-        """Do this later, with a message of this size. Raises what an earlier task raised, such as AdvpipeError
+        """Do this later, with a message of this size. Raises what an earlier task raised, as AdvpipeError
         for a full disk."""
         self._raise()
         cost_bytes = size_bytes + TASK_BYTES
