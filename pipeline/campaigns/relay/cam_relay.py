@@ -17,16 +17,17 @@ from advpipe.pipeline.campaigns.relay.outgoing import (
 )
 from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
-from advpipe.pipeline.campaigns.relay.settings import RelaySettings
+from advpipe.pipeline.campaigns.relay.settings import RelaySettings, vehicle_of
 from advpipe.pipeline.labels.growing_table import GrowingTable
 from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
 from advpipe.pipeline.messages.cam_from_cdr import cam_tree_of_cdr
+from advpipe.pipeline.messages.cdr import stamp_of_header
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import typestore
-from advpipe.pipeline.messages.v2x import udp_packet_cdr
+from advpipe.pipeline.messages.v2x import reception_cdr, udp_packet_cdr
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Sent
@@ -68,6 +69,7 @@ class CamRelay:
         values = Topic(settings.cam_topic, ego.received_cam.type, ego.received_cam.qos)
         self.topics = tuple(topic for topic in (packets, values) if topic.name)
         self._has_packets = bool(settings.packet_topic)
+        self._truth = VehicleTopics(vehicle_of(settings.packet_topic)).true_receptions
         self._settings, self._specs, self._place, self._recorder = settings, specs, place, recorder
         self._cams, self._stations = CamEditor(), HeardStations()
         self._attacks: CamAttacks | None = None
@@ -91,7 +93,7 @@ class CamRelay:
         """A packet that has come."""
         self.counts.received += 1
         payload = _payload_of_packet(cdr) if self._has_packets else _payload_of_values(cdr)
-        if payload is not None and not self._place.is_known:
+        if payload is not None and self._attacks is None:
             self._locate(payload)
         number = self._attacks.next_number() if self._attacks is not None else -1
         self._arrived.append(_Arrived(number, cdr, payload, arrival_s))
@@ -145,6 +147,7 @@ class CamRelay:
         for message in sorted(edited, key=lambda one: (one.request_ns, one.number)):
             known = self._remembered.pop(message.number, None)
             if known is not None and message == by_number.get(message.number):
+                self._record_truth(known.cdr, message, end_ns)
                 yield from self._messages(known.cdr, known.payload, UNCHANGED, known.arrival_s)
                 continue
             is_of_step = message.number in by_number
@@ -155,6 +158,7 @@ class CamRelay:
                 continue
             arrival_s = known.arrival_s if known is not None and is_of_step else None
             fate = ADDED_BY_ATTACK if known is None else ATTACKED
+            self._record_truth(cdr, message, end_ns)
             yield from self._messages(cdr, message.payload, fate, arrival_s)
         self.counts.withheld += len(by_number.keys() - {message.number for message in edited})
 
@@ -167,6 +171,13 @@ class CamRelay:
         for topic in beside:
             if payload is not None and (values := self._values_of(payload)) is not None:
                 yield OutgoingMessage(topic, values, fate, arrival_s)
+
+    def _record_truth(self, packet_cdr: bytes, message: Sent, now_ns: int) -> None:
+        """Which message a packet truly is, by its number in the labels; its stamp tells which packet."""
+        if self._has_packets:
+            stamp_ns = stamp_of_header(packet_cdr)
+            cdr = reception_cdr(stamp_ns, message.number, message.station_id)
+            self._recorder.record(self._truth, cdr, now_ns)
 
     def _cdr(self, message: Sent) -> bytes | None:
         """A message that an attack made, as consumers take it."""
@@ -198,13 +209,14 @@ class CamRelay:
             self._remembered.pop(self._order.popleft(), None)
 
     def _locate(self, payload: bytes) -> None:
-        """The first CAM with a position makes the origin of the map."""
+        """The first CAM with a position makes the origin of the map, if no fix has made it."""
         tree = self._cams.open(payload)
         if tree is None:
             return
         place = [field_of(tree, name) for name in ("latitude_deg", "longitude_deg", "altitude_m")]
         if place[0] is not None and place[1] is not None:
             self._place.set_origin(place[0], place[1], place[2] or 0.0)
+        if self._place.is_known:
             self._prepare().begin(self._start_ns)
 
     def _prepare(self) -> CamAttacks:

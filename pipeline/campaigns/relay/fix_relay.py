@@ -12,7 +12,7 @@ from advpipe.pipeline.campaigns.relay.counts import RelayCounts
 from advpipe.pipeline.campaigns.relay.outgoing import ATTACKED, UNCHANGED, OutgoingMessage
 from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
-from advpipe.pipeline.campaigns.relay.settings import RelaySettings
+from advpipe.pipeline.campaigns.relay.settings import RelaySettings, vehicle_of
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels import fixes
@@ -47,7 +47,7 @@ class FixRelay:
         self.counts = RelayCounts()
         self.topics: tuple[Topic, ...] = (Topic(settings.fix_topic, "sensor_msgs/msg/NavSatFix"),)
         self._settings, self._specs, self._place, self._recorder = settings, specs, place, recorder
-        self._vehicle = settings.fix_topic.split("/")[1]
+        self._vehicle = vehicle_of(settings.fix_topic)
         self._labels = GrowingTable(recorder.folder / fixes.FILE, fixes.FIX_COLUMNS)
         self._last_m: Float64 | None = None
         self._heading_rad = 0.0

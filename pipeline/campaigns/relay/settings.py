@@ -70,6 +70,11 @@ class RelaySettings(Section):
         return self
 
 
+def vehicle_of(topic_name: str) -> str:
+    """The vehicle whose topic it is: the first part of its name."""
+    return topic_name.strip("/").partition("/")[0]
+
+
 def load_relay_settings(path: Path) -> RelaySettings:
     """Raises UsageError, one line, for a file that cannot be read or has a wrong key."""
     with as_usage_error():

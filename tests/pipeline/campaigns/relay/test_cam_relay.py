@@ -122,6 +122,16 @@ def test_held_back_messages_are_labelled_in_bounded_memory(
     assert Counter(row["action"] for row in found) == {"dropped": 20}
 
 
+def test_a_fix_that_makes_the_origin_first(tmp_path: Path) -> None:
+    settings, place = settings_of({"type": "cam-drop", "attackers": {"share": 1.0}}), MapPlace(None)
+    with recording(tmp_path / "bag") as recorder:
+        relay = CamRelay(settings, settings.attacks, place, recorder)
+        relay.begin(BEGIN_NS)
+        place.set_origin(48.0, 11.0, 0.0)
+        relay.take(packet_cdr(101), BEGIN_NS, 0.0)
+        assert not list(relay.due(BEGIN_NS + 5, 0.0))
+
+
 def test_drop(tmp_path: Path) -> None:
     sent = run(tmp_path, {"type": "cam-drop", "attackers": {"vehicles": ["102"]}})
     assert {field_of(tree, "station_id") for tree in trees(sent)} == {101, 103, 104}
