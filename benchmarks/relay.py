@@ -8,8 +8,8 @@ the relay attacked it: the time between both is the relay's latency, with all th
 each gradient-free attack in turn, with a falsified position in CAMs and a drift of fixes beside it.
 
 Each figure is a ratio to its bound: the rate of attacked clouds to 10 Hz (98 % at least), the latency of 99 %
-of the clouds to the default of max_latency_s, the clouds that are lost to 2 % of those sent, and the relay's processor time
-to all of `CORES` cores while it relays. Exit code 1 where one misses its bound.
+of the clouds to the default of max_latency_s, the clouds that are lost to 2 % of those sent, and the relay's
+processor time to that of `CORES` cores while it relays. Exit code 1 where one misses its bound.
 """
 
 from __future__ import annotations
@@ -142,7 +142,8 @@ def measure(folder: Path, bag: Path, name: str, attacks: str, seconds: int) -> b
         f"{said['cpu_s'] / sent * 1e3:.0f} ms of processor time a cloud"
     )
     passed = row["attacked"] >= LEAST_RATE * sent
-    print(f"    rate      {row['attacked'] / sent:5.2f} of {SENT_HZ} Hz, bound {LEAST_RATE}  {verdict(passed)}")
+    rate = row["attacked"] / sent
+    print(f"    rate      {rate:5.2f} of {SENT_HZ} Hz, bound {LEAST_RATE:.2f}  {verdict(passed)}")
     for what, ratio in (
         (f"latency   {{:5.2f}} of {LATENCY_MS:.0f} ms", p99_ms / LATENCY_MS),
         (f"drops     {{:5.2f}} of {LOSS:.0%} of the clouds", (sent - len(attacked)) / (LOSS * sent)),

@@ -17,7 +17,7 @@ from advpipe.pipeline.labels.fixes import FILE as FIX_LABELS
 from advpipe.pipeline.labels.fixes import FIX_COLUMNS
 from advpipe.pipeline.labels.growing_table import GrowingTable
 from advpipe.pipeline.labels.points import PointLabels
-from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.cloud import cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 
 EGO = VehicleTopics()
