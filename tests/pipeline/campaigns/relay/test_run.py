@@ -61,8 +61,8 @@ def play(domain: int, *more: str) -> None:
 @pytest.mark.oracle
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_a_consumer_receives_what_the_bag_records(tmp_path: Path, number: signal.Signals) -> None:
-    """A signal ends it as at its end: the bag is whole, and has its labels. At night also with the bag that is
-    played, with which the attack is scored."""
+    """A signal ends it as at its end: the bag is whole, and has its labels. At night also with the bag that
+    is played, with which the attack is scored."""
     pytest.importorskip("cyclonedds")
     domain, out = new_domain(), tmp_path / "relayed"
     (tmp_path / "relay.yaml").write_text(FILE)
