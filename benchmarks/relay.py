@@ -17,11 +17,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 from common import finish, machine, scratch
@@ -91,8 +93,8 @@ def cam(station: int, stamp_ns: int) -> bytes:
     )
 
 
-def receive(seconds: float) -> None:
-    """The consumer: when each cloud came, by its stamp, as it was published and as it was relayed."""
+def receive() -> None:
+    """The consumer, until SIGTERM: when each cloud came, by its stamp, as it was published and as relayed."""
     from advpipe.pipeline.live.ros2_node import Ros2Node
     from advpipe.pipeline.live.ros2_subscriber import Ros2Subscriber
     from advpipe.pipeline.mcap.channel import Topic
@@ -102,9 +104,10 @@ def receive(seconds: float) -> None:
     for name in names:
         subscriber.subscribe(Topic(name, EGO.lidar_points.type), 10, is_reliable=True)
     came: dict[str, dict[int, float]] = {name: {} for name in names}
+    has_ended = Event()
+    signal.signal(signal.SIGTERM, lambda *_: has_ended.set())
     print("ready", flush=True)
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
+    while not has_ended.is_set():
         for one in subscriber.receive(0.05):
             at_s = time.monotonic()
             came[one.topic_name][int.from_bytes(one.cdr[4:12], "little")] = at_s
@@ -117,11 +120,9 @@ def measure(folder: Path, bag: Path, name: str, attacks: str, seconds: int) -> b
     file.write_text(attacks)
     command = [sys.executable, "-m", "advpipe"]
     where = ["--ros2", "--domain", str(DOMAIN), "--interface", "lo"]
-    made = ["--out", str(folder / "out"), "--overwrite", "--duration", str(seconds + 12), "--json"]
+    made = ["--out", str(folder / "out"), "--overwrite", "--json"]
     pipe = subprocess.PIPE
-    consumer = subprocess.Popen(
-        [sys.executable, __file__, "--receive", str(seconds + 14)], stdout=pipe, text=True
-    )
+    consumer = subprocess.Popen([sys.executable, __file__, "--receive"], stdout=pipe, text=True)
     relaying = [*command, "relay", "--attack", str(file), *where, *made]
     relay = subprocess.Popen(relaying, stdout=pipe, stderr=pipe, text=True)
     assert consumer.stdout is not None
@@ -130,6 +131,9 @@ def measure(folder: Path, bag: Path, name: str, attacks: str, seconds: int) -> b
     while "ROS 2 domain" not in (line := relay.stderr.readline()):  # it loads torch
         assert line, "the relay has ended"
     subprocess.run([*command, "play", str(bag), *where, "--delay", "2", "-q"], check=True)
+    time.sleep(1)
+    consumer.terminate()
+    relay.send_signal(signal.SIGINT)
     said = json.loads(relay.communicate()[0])
     rows = {row["topic"]: row for row in said["topics"]}
     clean, attacked = json.loads(consumer.communicate()[0].splitlines()[-1])
@@ -180,10 +184,10 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=80_000)
     parser.add_argument("--seconds", type=int, default=20)
     parser.add_argument("--attacks", type=Path, default=None)
-    parser.add_argument("--receive", type=float, help=argparse.SUPPRESS)
+    parser.add_argument("--receive", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.receive:
-        receive(options.receive)
+        receive()
         return
     print(machine())
     with scratch() as folder:
