@@ -23,6 +23,7 @@ def relay(
     interface: str | None = None,
     out: PathLike | None = None,
     duration_s: float | None = None,
+    clean: PathLike | None = None,
     debug: bool = RelayOptions.debug,
     overwrite: bool = False,
     ready: Callable[[str], None] = lambda where: None,
@@ -32,8 +33,9 @@ def relay(
     attack: a YAML file with topics and attacks. domain: of DDS. prefix: before the names of the topics that
     are published. interface: of the network. out: the bag that records what was sent, with labels,
     `datasets/relay/<name of the file>` by default. duration_s: ends after so long; otherwise a signal does.
-    debug: whether the bag has debug topics. ready: is called before the first message, with a text that says
-    where the relay stands.
+    clean: the bag that is played into the graph; its other topics complete the recording, so that `evaluate`
+    compares both. debug: whether the bag has debug topics. ready: is called before the first message, with a
+    text that says where the relay stands.
 
     Returns what became of the messages, and how late they were. Raises AdvpipeError, one line, for a bad
     file, a topic of another type and an interface that is not there. Needs the extra `ros2`.
@@ -47,6 +49,7 @@ def relay(
         prefix=prefix,
         interface=interface,
         duration_s=duration_s,
+        clean=None if clean is None else Path(clean),
         debug=debug,
     )
     with working_on("loading libraries"):

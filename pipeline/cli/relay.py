@@ -26,6 +26,7 @@ def relay_command(
         typer.Option("--out", "-o", help="Bag to make.", show_default="datasets/relay/<name of FILE>"),
     ] = None,
     duration_s: Annotated[float | None, cli_option(RelayOptions, "duration_s", "--duration")] = None,
+    clean: Annotated[Path | None, cli_option(RelayOptions, "clean", show_default="none")] = None,
     debug: Annotated[bool, cli_option(RelayOptions, "debug", "--debug/--no-debug")] = RelayOptions.debug,
     overwrite: Overwrite = False,
 ) -> Answer:
@@ -45,6 +46,7 @@ def relay_command(
         interface=interface,
         out=out,
         duration_s=duration_s,
+        clean=clean,
         debug=debug,
         overwrite=overwrite,
         ready=ready,

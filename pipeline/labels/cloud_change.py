@@ -72,7 +72,8 @@ class CloudChange:
         scene = xyz(self.clean[np.isfinite(xyzi(self.clean)).all(axis=1)]).astype(np.float64)
         if not len(added) or not len(scene):
             return np.full(len(added), np.inf)
-        distance_m: Float64 = cKDTree(scene).query(xyz(added).astype(np.float64))[0]
+        tree = cKDTree(scene, balanced_tree=False, compact_nodes=False)  # few queries: most time is building
+        distance_m: Float64 = tree.query(xyz(added).astype(np.float64))[0]
         return distance_m
 
     @cached_property

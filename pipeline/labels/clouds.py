@@ -9,11 +9,12 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.core.bounded_parquet import batches
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.columns import Columns, arrow_schema
-from advpipe.pipeline.labels.points import PointLabels
+from advpipe.pipeline.labels.points import ACTIONS, PointLabels
 from advpipe.pipeline.messages.cloud import StampedCloud
 
 POINTS, FRAMES = "labels.parquet", "frames.parquet"
@@ -46,6 +47,9 @@ attack: its name; "" where no attack was active.
 
 GROUP_ROWS = 1 << 18
 """Labels in a row group, at least, and of whole frames: a reader holds a kilobyte or more for each group."""
+
+GROUP_FRAMES = 1 << 15
+"""Rows of frames in a row group: an hour at 10 Hz."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +84,7 @@ class PointTables:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        import pyarrow as pa
-
-        self._frames_writer.write_table(pa.Table.from_pylist(self._rows, self._frames))
+        self._write_frames()
         self._frames_writer.close()
         self._write_group()
         self._points_writer.close()
@@ -104,19 +106,27 @@ class PointTables:
                 "note": frame.note,
             }
         )
+        if len(self._rows) >= GROUP_FRAMES:
+            self._write_frames()
         if len(labels) == 0:
             return
         columns = [
-            pa.array([frame.topic] * len(labels)).dictionary_encode(),
+            pa.DictionaryArray.from_arrays(np.zeros(len(labels), np.int32), [frame.topic]),
             pa.array(np.full(len(labels), frame.frame, np.int32)),
             pa.array(np.full(len(labels), frame.clean.stamp_ns, np.int64)),
             pa.array(labels.point.astype(np.int32)),
-            pa.array(labels.action.tolist()).dictionary_encode(),
+            _encoded(labels.action),
             pa.array(labels.displacement_m.astype(np.float32)),
         ]
         self._waiting.append(pa.Table.from_arrays(columns, schema=self._points))
         if sum(map(len, self._waiting)) >= GROUP_ROWS:
             self._write_group()
+
+    def _write_frames(self) -> None:
+        import pyarrow as pa
+
+        rows, self._rows = self._rows, []
+        self._frames_writer.write_table(pa.Table.from_pylist(rows, self._frames))
 
     def _write_group(self) -> None:
         import pyarrow as pa
@@ -124,6 +134,18 @@ class PointTables:
         if self._waiting:
             self._points_writer.write_table(pa.concat_tables(self._waiting).unify_dictionaries())
             self._waiting.clear()
+
+
+def _encoded(actions: npt.NDArray[np.str_]) -> Any:
+    """Actions (K,) as a dictionary array, whose words are in the order in which they come first."""
+    import pyarrow as pa
+
+    places = [(np.flatnonzero(actions == action), action) for action in ACTIONS]
+    present = sorted((int(where[0]), action, where) for where, action in places if len(where))
+    codes = np.zeros(len(actions), np.int32)
+    for code, (_, _, where) in enumerate(present):
+        codes[where] = code
+    return pa.DictionaryArray.from_arrays(codes, [action for _, action, _ in present])
 
 
 MOST_LABELS = 1 << 22

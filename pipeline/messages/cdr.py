@@ -86,3 +86,9 @@ class Cdr:
         """std_msgs/Header."""
         self.time(stamp_ns)
         self.string(frame_id)
+
+
+def stamp_of_header(cdr: bytes) -> int:
+    """The stamp in nanoseconds of a serialised message that begins with a std_msgs/Header."""
+    seconds, nanoseconds = _TIME.unpack_from(cdr, len(_ENCAPSULATION))
+    return int(seconds) * _NS_PER_S + int(nanoseconds)

@@ -145,7 +145,8 @@ def received_messages(received: Received) -> Iterator[StampedCdr]:
     raw, cam, info, truth = _topics_received(received.listener)
     yield from _packet(raw, cam, received.sent.payload, received.tree, received.arrival_ns)
     yield info, _reception_info_cdr(received), received.arrival_ns
-    yield truth, _reception_cdr(received), received.arrival_ns
+    sent = received.sent
+    yield truth, reception_cdr(received.arrival_ns, sent.number, sent.station_id), received.arrival_ns
 
 
 @cache
@@ -162,12 +163,12 @@ def _reception_info_cdr(received: Received) -> bytes:
     return bytes(cdr)
 
 
-def _reception_cdr(received: Received) -> bytes:
-    """advpipe_msgs/V2xReception, serialised."""
+def reception_cdr(arrival_ns: int, number: int, station_id: int) -> bytes:
+    """advpipe_msgs/V2xReception, serialised: which message of which station truly was received."""
     cdr = Cdr()
-    cdr.header(received.arrival_ns, "")
-    cdr.uint64(received.sent.number)
-    cdr.uint32(received.sent.station_id)
+    cdr.header(arrival_ns, "")
+    cdr.uint64(number)
+    cdr.uint32(station_id)
     return bytes(cdr)
 
 

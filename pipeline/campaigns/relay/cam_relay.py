@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from advpipe.pipeline.campaigns.relay.cam_attacks import CamAttacks
@@ -18,18 +17,23 @@ from advpipe.pipeline.campaigns.relay.outgoing import (
 )
 from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
-from advpipe.pipeline.campaigns.relay.settings import RelaySettings
+from advpipe.pipeline.campaigns.relay.settings import RelaySettings, vehicle_of
+from advpipe.pipeline.labels.growing_table import GrowingTable
+from advpipe.pipeline.labels.messages import FILE, MESSAGE_COLUMNS
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.cam_cdr import cam_cdr
+from advpipe.pipeline.messages.cam_from_cdr import cam_tree_of_cdr
+from advpipe.pipeline.messages.cdr import stamp_of_header
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.messages.types import typestore
-from advpipe.pipeline.messages.v2x import udp_packet_cdr
+from advpipe.pipeline.messages.v2x import reception_cdr, udp_packet_cdr
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.btp import cam_payload
 from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.codec import encode_cam_tree
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.debug import claims_message
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
@@ -52,7 +56,8 @@ class _Arrived(NamedTuple):
 class CamRelay:
     """Where a station is, is what its own CAM says; that CAM is taken for genuine.
 
-    Messages that are no CAM of a vehicle pass unchanged.
+    Messages that are no CAM of a vehicle pass unchanged. Where no topic of packets is named, CAMs come and go
+    as etsi_its_cam_msgs/CAM alone; what an attack makes that is no CAM is withheld then.
     """
 
     def __init__(
@@ -60,9 +65,11 @@ class CamRelay:
     ) -> None:
         ego = VehicleTopics()
         self.counts = RelayCounts()
-        self._packets = Topic(settings.packet_topic, ego.received_raw.type, ego.received_raw.qos)
-        self._values = Topic(settings.cam_topic, ego.received_cam.type, ego.received_cam.qos)
-        self.topics = (self._packets, *((self._values,) if settings.cam_topic else ()))
+        packets = Topic(settings.packet_topic, ego.received_raw.type, ego.received_raw.qos)
+        values = Topic(settings.cam_topic, ego.received_cam.type, ego.received_cam.qos)
+        self.topics = tuple(topic for topic in (packets, values) if topic.name)
+        self._has_packets = bool(settings.packet_topic)
+        self._truth = VehicleTopics(vehicle_of(settings.packet_topic)).true_receptions
         self._settings, self._specs, self._place, self._recorder = settings, specs, place, recorder
         self._cams, self._stations = CamEditor(), HeardStations()
         self._attacks: CamAttacks | None = None
@@ -85,12 +92,8 @@ class CamRelay:
     def take(self, cdr: bytes, now_ns: int, arrival_s: float) -> None:
         """A packet that has come."""
         self.counts.received += 1
-        try:
-            packet: Any = typestore().deserialize_cdr(cdr, self._packets.type)
-            payload = cam_payload(bytes(packet.data))
-        except Exception:  # rosbags fails in any way on bytes that are no packet
-            payload = None
-        if payload is not None and not self._place.is_known:
+        payload = _payload_of_packet(cdr) if self._has_packets else _payload_of_values(cdr)
+        if payload is not None and self._attacks is None:
             self._locate(payload)
         number = self._attacks.next_number() if self._attacks is not None else -1
         self._arrived.append(_Arrived(number, cdr, payload, arrival_s))
@@ -104,13 +107,13 @@ class CamRelay:
         begin_ns, self._step_ns = self._step_ns, now_ns
         if self._attacks is None or self._labels is None:
             for one in arrived:
-                yield from self._messages(one.cdr, one.payload, UNCHANGED, one.arrival_s, now_ns)
+                yield from self._messages(one.cdr, one.payload, UNCHANGED, one.arrival_s)
             return
         self._cams.forget()
         sent = []
         for one in arrived:
             if (message := self._sent(one, now_ns)) is None:
-                yield from self._messages(one.cdr, None, UNCHANGED, one.arrival_s, now_ns)
+                yield from self._messages(one.cdr, None, UNCHANGED, one.arrival_s)
             else:
                 self._remember(one)
                 sent.append(message)
@@ -119,10 +122,10 @@ class CamRelay:
     def end(self) -> None:
         """Nothing waits but what attacks hold back."""
 
-    def write_labels(self, folder: Path) -> None:
-        """Write v2x_labels.parquet, if any position was received."""
+    def write_labels(self) -> None:
+        """Finish v2x_labels.parquet, if any position was received."""
         if self._labels is not None:
-            self._labels.write(folder)
+            self._labels.write(self._recorder.folder)
 
     def _edited(
         self, attacks: CamAttacks, labels: Labels, begin_ns: int, end_ns: int, sent: Sequence[Sent]
@@ -144,29 +147,49 @@ class CamRelay:
         for message in sorted(edited, key=lambda one: (one.request_ns, one.number)):
             known = self._remembered.pop(message.number, None)
             if known is not None and message == by_number.get(message.number):
-                yield from self._messages(known.cdr, known.payload, UNCHANGED, known.arrival_s, end_ns)
-            else:
-                fate, arrival_s = ADDED_BY_ATTACK if known is None else ATTACKED, None
-                if known is not None and message.number in by_number:
-                    arrival_s = known.arrival_s
-                elif known is not None:  # held back in an earlier step
-                    self.counts.withheld -= 1
-                cdr = udp_packet_cdr(message.request_ns, message.payload)
-                yield from self._messages(cdr, message.payload, fate, arrival_s, end_ns)
+                self._record_truth(known.cdr, message, end_ns)
+                yield from self._messages(known.cdr, known.payload, UNCHANGED, known.arrival_s)
+                continue
+            is_of_step = message.number in by_number
+            if known is not None and not is_of_step:  # held back in an earlier step
+                self.counts.withheld -= 1
+            if (cdr := self._cdr(message)) is None:
+                self.counts.withheld += known is not None
+                continue
+            arrival_s = known.arrival_s if known is not None and is_of_step else None
+            fate = ADDED_BY_ATTACK if known is None else ATTACKED
+            self._record_truth(cdr, message, end_ns)
+            yield from self._messages(cdr, message.payload, fate, arrival_s)
         self.counts.withheld += len(by_number.keys() - {message.number for message in edited})
 
     def _messages(
-        self, cdr: bytes, payload: bytes | None, fate: str, arrival_s: float | None, now_ns: int
+        self, cdr: bytes, payload: bytes | None, fate: str, arrival_s: float | None
     ) -> Iterator[OutgoingMessage]:
-        """The packet, and its values where it is a CAM that the message type can hold."""
-        yield OutgoingMessage(self._packets, cdr, fate, arrival_s)
-        if payload is None or not self._settings.cam_topic:
-            return
+        """The message, and its values beside the packet where it is a CAM that the message type can hold."""
+        first, *beside = self.topics
+        yield OutgoingMessage(first, cdr, fate, arrival_s)
+        for topic in beside:
+            if payload is not None and (values := self._values_of(payload)) is not None:
+                yield OutgoingMessage(topic, values, fate, arrival_s)
+
+    def _record_truth(self, packet_cdr: bytes, message: Sent, now_ns: int) -> None:
+        """Which message a packet truly is, by its number in the labels; its stamp tells which packet."""
+        if self._has_packets:
+            stamp_ns = stamp_of_header(packet_cdr)
+            cdr = reception_cdr(stamp_ns, message.number, message.station_id)
+            self._recorder.record(self._truth, cdr, now_ns)
+
+    def _cdr(self, message: Sent) -> bytes | None:
+        """A message that an attack made, as consumers take it."""
+        if self._has_packets:
+            return udp_packet_cdr(message.request_ns, message.payload)
+        return self._values_of(message.payload)
+
+    def _values_of(self, payload: bytes) -> bytes | None:
         try:
-            values = cam_cdr(self._cams.decode(payload))
+            return cam_cdr(self._cams.decode(payload))
         except CamError:
-            return
-        yield OutgoingMessage(self._values, values, fate, arrival_s)
+            return None
 
     def _sent(self, one: _Arrived, now_ns: int) -> Sent | None:
         """The message as attacks see it, at the end of the step; None for what is no vehicle's CAM."""
@@ -186,19 +209,40 @@ class CamRelay:
             self._remembered.pop(self._order.popleft(), None)
 
     def _locate(self, payload: bytes) -> None:
-        """The first CAM with a position makes the origin of the map."""
+        """The first CAM with a position makes the origin of the map, if no fix has made it."""
         tree = self._cams.open(payload)
         if tree is None:
             return
         place = [field_of(tree, name) for name in ("latitude_deg", "longitude_deg", "altitude_m")]
         if place[0] is not None and place[1] is not None:
             self._place.set_origin(place[0], place[1], place[2] or 0.0)
+        if self._place.is_known:
             self._prepare().begin(self._start_ns)
 
     def _prepare(self) -> CamAttacks:
         geodesy = self._place.geodesy
         self._attacks = CamAttacks(self._specs, self._settings.seed, self._cams, geodesy)
         self._labels = Labels(
-            self._cams, geodesy, self._attacks.names, V2x().ldm.expiry_s, self._attacks.declared
+            self._cams,
+            geodesy,
+            self._attacks.names,
+            V2x().ldm.expiry_s,
+            self._attacks.declared,
+            GrowingTable(self._recorder.folder / FILE, MESSAGE_COLUMNS),
         )
         return self._attacks
+
+
+def _payload_of_packet(cdr: bytes) -> bytes | None:
+    try:
+        packet: Any = typestore().deserialize_cdr(cdr, VehicleTopics().received_raw.type)
+        return cam_payload(bytes(packet.data))
+    except Exception:  # rosbags fails in any way on bytes that are no packet
+        return None
+
+
+def _payload_of_values(cdr: bytes) -> bytes | None:
+    try:
+        return encode_cam_tree(cam_tree_of_cdr(cdr))
+    except CamError:
+        return None

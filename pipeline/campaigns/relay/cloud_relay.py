@@ -138,7 +138,7 @@ class CloudRelay:
                 is_touched = len(attacked.result.labels) > 0
                 fate = ATTACKED if is_touched else UNCHANGED
                 yield OutgoingMessage(topic, attacked.cdr, fate, one.arrival_s)
-                self._recorder.call(lambda: self._label(one, attacked))
+                self._recorder.call(lambda: self._label(one, attacked), len(attacked.cdr) + len(one.cdr))
                 return
         if one.is_late and self._settings.when_late == DROP:
             self.counts.withheld += 1
@@ -146,7 +146,7 @@ class CloudRelay:
             fate = LATE if one.is_late else UNCHANGED
             yield OutgoingMessage(topic, one.cdr, fate, one.arrival_s)
         note = (TOO_LATE if one.was_begun else BUSY) if one.is_late else "" if one.attack else NOT_SCHEDULED
-        self._recorder.call(lambda: self._label_unchanged(one, note))
+        self._recorder.call(lambda: self._label_unchanged(one, note), len(one.cdr))
 
     def _label(self, one: _Waiting, attacked: AttackedCloud) -> None:
         """In the recorder's thread."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,11 @@ from advpipe.pipeline.campaigns.relay.counts import RelayCounts
 from advpipe.pipeline.campaigns.relay.outgoing import ATTACKED, UNCHANGED, OutgoingMessage
 from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
-from advpipe.pipeline.campaigns.relay.settings import RelaySettings
+from advpipe.pipeline.campaigns.relay.settings import RelaySettings, vehicle_of
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels import fixes
-from advpipe.pipeline.labels.columns import arrow_schema
+from advpipe.pipeline.labels.growing_table import GrowingTable
 from advpipe.pipeline.localisation.estimate import Innovation
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
 from advpipe.pipeline.messages.debug import FALSE, TRUE, ClaimedPosition, positions_cdr, positions_topic
@@ -48,8 +47,8 @@ class FixRelay:
         self.counts = RelayCounts()
         self.topics: tuple[Topic, ...] = (Topic(settings.fix_topic, "sensor_msgs/msg/NavSatFix"),)
         self._settings, self._specs, self._place, self._recorder = settings, specs, place, recorder
-        self._vehicle = settings.fix_topic.split("/")[1]
-        self._rows: list[dict[str, object]] = []
+        self._vehicle = vehicle_of(settings.fix_topic)
+        self._labels = GrowingTable(recorder.folder / fixes.FILE, fixes.FIX_COLUMNS)
         self._last_m: Float64 | None = None
         self._heading_rad = 0.0
         self.begin(0)
@@ -82,7 +81,7 @@ class FixRelay:
         )
         fate = ATTACKED if record.is_false else UNCHANGED
         self._outgoing.append(OutgoingMessage(topic, spoofed.cdr, fate, arrival_s))
-        self._rows.append({"vehicle": self._vehicle, "fix": self.counts.received - 1, **label(record)})
+        self._labels.add_row({"vehicle": self._vehicle, "fix": self.counts.received - 1, **label(record)})
         self._show(record, now_ns)
 
     def due(self, now_ns: int, now_s: float) -> Iterator[OutgoingMessage]:
@@ -93,13 +92,9 @@ class FixRelay:
     def end(self) -> None:
         """Nothing waits."""
 
-    def write_labels(self, folder: Path) -> None:
-        """Write gnss_labels.parquet."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        table = pa.Table.from_pylist(self._rows, arrow_schema(fixes.FIX_COLUMNS))
-        pq.write_table(table, str(folder / fixes.FILE))
+    def write_labels(self) -> None:
+        """Finish gnss_labels.parquet."""
+        self._labels.close()
 
     def _turn(self, position_m: Float64) -> None:
         if self._last_m is None:

@@ -25,6 +25,9 @@ class RelayOptions:
     prefix: str = option("attacked", "Before the names of the topics that the relay publishes.")
     interface: str | None = option(None, "Network interface, such as lo for this machine alone.")
     duration_s: float | None = option(None, "End after so many seconds.")
+    clean: Path | None = option(
+        None, "Bag that is played into the graph: its other topics complete the recording, for `evaluate`."
+    )
     debug: bool = option(True, "Record debug topics, which show in viewers what was attacked.")
 
     def __post_init__(self) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from queue import Full, Queue
-from threading import Thread
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Lock, Thread
 from types import TracebackType
 
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.labels.clouds import PointTables
 from advpipe.pipeline.mcap.channel import Topic
 
-MOST_TASKS = 100
-"""Tasks in wait; with clouds of 80,000 points, some 180 MB."""
+MOST_BYTES = 256_000_000
+"""Of messages in wait: 14 s of clouds of 80,000 points at 10 Hz."""
+
+TASK_BYTES = 1_000
+"""What a task counts beside its message."""
 
 
 class Recorder:
@@ -26,7 +30,8 @@ class Recorder:
         self.debug, self.lost, self.recorded = debug, 0, 0
         self._bag = bag
         self._tables = PointTables(bag.folder) if has_clouds else None
-        self._tasks: Queue[Callable[[], None] | None] = Queue(MOST_TASKS)
+        self._tasks: SimpleQueue[tuple[Callable[[], None], int] | None] = SimpleQueue()
+        self._waiting_bytes, self._lock = 0, Lock()
         self._error: BaseException | None = None
         self._thread = Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -45,22 +50,31 @@ class Recorder:
             self._raise()
 
     @property
+    def folder(self) -> Path:
+        """Where tables of labels are made."""
+        return self._bag.folder
+
+    @property
     def point_tables(self) -> PointTables:
         """The labels of clouds, for tasks alone."""
         assert self._tables is not None
         return self._tables
 
-    def call(self, task: Callable[[], None]) -> None:
-        """Do this later. Raises what an earlier task raised, such as AdvpipeError for a full disk."""
+    def call(self, task: Callable[[], None], size_bytes: int = 0) -> None:
+        """Do this later, with a message of this size. Raises what an earlier task raised, as AdvpipeError
+        for a full disk."""
         self._raise()
-        try:
-            self._tasks.put_nowait(task)
-        except Full:
-            self.lost += 1
+        cost_bytes = size_bytes + TASK_BYTES
+        with self._lock:
+            if self._waiting_bytes + cost_bytes > MOST_BYTES:
+                self.lost += 1
+                return
+            self._waiting_bytes += cost_bytes
+        self._tasks.put((task, cost_bytes))
 
     def record(self, topic: Topic, cdr: bytes, time_ns: int) -> None:
         """Write a message later."""
-        self.call(lambda: self.write(topic, cdr, time_ns))
+        self.call(lambda: self.write(topic, cdr, time_ns), len(cdr))
 
     def write(self, topic: Topic, cdr: bytes, time_ns: int) -> None:
         """Write a message; for tasks alone."""
@@ -72,9 +86,12 @@ class Recorder:
             raise self._error
 
     def _work(self) -> None:
-        while (task := self._tasks.get()) is not None:
+        while (waiting := self._tasks.get()) is not None:
+            task, cost_bytes = waiting
             if self._error is None:
                 try:
                     task()
                 except BaseException as error:  # raised where the recorder is used
                     self._error = error
+            with self._lock:
+                self._waiting_bytes -= cost_bytes

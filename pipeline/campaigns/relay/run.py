@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,11 @@ from advpipe.pipeline.campaigns.relay.graph_clock import ClockJumpedBackError, G
 from advpipe.pipeline.campaigns.relay.options import RelayOptions
 from advpipe.pipeline.campaigns.relay.part import RelayPart
 from advpipe.pipeline.campaigns.relay.place import MapPlace
+from advpipe.pipeline.campaigns.relay.played_bag import CLOUDS, FIXES, RESOLVED, PlayedBag, topics_of_v2x
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
-from advpipe.pipeline.campaigns.relay.settings import RelaySettings, load_relay_settings
+from advpipe.pipeline.campaigns.relay.settings import RelaySettings, load_relay_settings, vehicle_of
 from advpipe.pipeline.campaigns.relay.summary import RelayedTopic, RelaySummary
+from advpipe.pipeline.core.progress import working_on
 from advpipe.pipeline.core.signals import Deferred, deferred
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.core.versions import installed
@@ -36,8 +38,6 @@ from advpipe.stages.attack.registry import find_attack, refuse_foreign_keys, res
 _WAIT_S, _STATUS_S, _CLOCK_PATIENCE_S = 0.005, 10.0, 1.0
 _MOST_EARLY = 100
 """Messages that wait until the time is known."""
-
-RESOLVED = "relay.yaml"
 
 
 def relay(
@@ -53,6 +53,7 @@ def relay(
     AdvpipeError for a bag that cannot be written.
     """
     settings = _resolved(load_relay_settings(options.attack))
+    played = None if options.clean is None else PlayedBag(options.clean)
     provenance = _provenance(settings, options)
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
     families = {spec.type: find_attack(relay_spec(spec).type).family for spec in settings.attacks}
@@ -68,7 +69,9 @@ def relay(
                 seconds, cpu_s = loop.seconds, loop.cpu_s
         for part in parts:
             if isinstance(part, FixRelay | CamRelay):
-                part.write_labels(bag.folder)
+                part.write_labels()
+    if played is not None:
+        _complete(out, played, settings, set(families.values()))
     return RelaySummary(
         bag=out,
         topics=loop.rows(),
@@ -78,6 +81,14 @@ def relay(
         cpu_s=cpu_s,
         reason=reason,
     )
+
+
+def _complete(out: Path, played: PlayedBag, settings: RelaySettings, families: Collection[str]) -> None:
+    of_family = {"lidar": (CLOUDS, settings.cloud_topic), "gnss": (FIXES, settings.fix_topic)}
+    stamped = dict(of_family[family] for family in sorted(families) if family in of_family)
+    v2x = topics_of_v2x(vehicle_of(settings.packet_topic or settings.cam_topic)) if "v2x" in families else ()
+    with working_on("completing the bag"):
+        played.complete(out, stamped, v2x, write_layouts)
 
 
 class _Loop:

@@ -31,12 +31,15 @@ class RelaySettings(Section):
     cloud_topic: TopicName = Field(
         _EGO.lidar_points.name, description="clouds, of type sensor_msgs/msg/PointCloud2"
     )
-    packet_topic: TopicName = Field(
-        _EGO.received_raw.name, description="received CAMs in BTP-B packets, of type udp_msgs/msg/UdpPacket"
+    packet_topic: TopicName | Literal[""] = Field(
+        _EGO.received_raw.name,
+        description="received CAMs in BTP-B packets, of type udp_msgs/msg/UdpPacket; empty for a graph that "
+        "has CAMs as etsi_its_cam_msgs/msg/CAM alone",
     )
     cam_topic: TopicName | Literal[""] = Field(
         _EGO.received_cam.name,
-        description="where the same CAMs are published as etsi_its_cam_msgs/msg/CAM, too; empty for nowhere",
+        description="where the same CAMs are published as etsi_its_cam_msgs/msg/CAM, too; empty for nowhere. "
+        "Without packet_topic, where they are received",
     )
     fix_topic: TopicName = Field(
         _EGO.gnss_fix.name, description="GPS fixes, of type sensor_msgs/msg/NavSatFix"
@@ -55,6 +58,8 @@ class RelaySettings(Section):
 
     @model_validator(mode="after")
     def _only_what_a_relay_can(self) -> RelaySettings:
+        if not self.packet_topic and not self.cam_topic:
+            raise ValueError("packet_topic and cam_topic are both empty; name the one that the graph has")
         topics = [self.cloud_topic, self.packet_topic, self.cam_topic, self.fix_topic]
         if len(set(topics)) < len(topics):
             raise ValueError("two of the topics are the same")
@@ -63,6 +68,11 @@ class RelaySettings(Section):
                 if getattr(spec, key) != AttackSpec.model_fields[key].default:
                     raise ValueError(f"{spec.type}: a relay has no use for {key}; leave it out")
         return self
+
+
+def vehicle_of(topic_name: str) -> str:
+    """The vehicle whose topic it is: the first part of its name."""
+    return topic_name.strip("/").partition("/")[0]
 
 
 def load_relay_settings(path: Path) -> RelaySettings:

@@ -334,5 +334,6 @@ def _with_intensity(
 
 def _labels(scene: Cloud, added: Cloud) -> PointLabels:
     """The labels of added points: their distance from the nearest point of the clean cloud."""
-    distance_m, _ = cKDTree(xyz(scene).astype(np.float64)).query(xyz(added).astype(np.float64))
+    tree = cKDTree(xyz(scene).astype(np.float64), balanced_tree=False, compact_nodes=False)
+    distance_m, _ = tree.query(xyz(added).astype(np.float64))
     return PointLabels(np.full(len(added), -1, np.int64), np.full(len(added), ADDED), distance_m)

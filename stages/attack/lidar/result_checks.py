@@ -78,8 +78,10 @@ def _refuse_labels(attack: str, labels: Any, points: int) -> None:
     lengths = {name: len(getattr(labels, name)) for name in _DTYPE_KINDS}
     if len(set(lengths.values())) > 1:
         raise AdvpipeError(f"{attack} returned labels of several lengths: {lengths}")
-    if strange := sorted(set(labels.action.tolist()) - set(ACTIONS)):
-        raise AdvpipeError(f"{attack} labels points as {strange[0]!r}; known: {', '.join(ACTIONS)}")
+    is_known = np.isin(labels.action, ACTIONS)
+    if not is_known.all():
+        strange = min(labels.action[~is_known].tolist())
+        raise AdvpipeError(f"{attack} labels points as {strange!r}; known: {', '.join(ACTIONS)}")
     is_new = labels.action == ADDED
     if ((labels.point[~is_new] < 0) | (labels.point[~is_new] >= points)).any() or (
         labels.point[is_new] != -1

@@ -12,6 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.labels.columns import arrow_schema
 from advpipe.pipeline.labels.declaration import Declaration
+from advpipe.pipeline.labels.growing_table import GrowingTable
 from advpipe.pipeline.labels.messages import (
     ADDED,
     AXES,
@@ -30,6 +31,9 @@ from advpipe.pipeline.v2x.facilities.effect import has_effect
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
+
+MOST_HELD_BACK = 10_000
+"""Messages that a running graph's attacks may hold back and still send."""
 
 _BLOCK = 1000
 _SHOWN_HEIGHT_M = 1.0
@@ -58,6 +62,9 @@ class Labels:
 
     The columns of `v2x_labels.parquet`: `labels.messages.MESSAGE_COLUMNS`.
 
+    grown: where rows go as they come, in bounded memory, instead of being sorted by time at the end; messages
+    count as dropped then when more than `MOST_HELD_BACK` newer ones are held back.
+
     touching: indices of the editors that touched any message. counts: messages by action, and "made
     invalid": how many of them were CAMs before but no longer. Messages still held back when the file is
     written count as dropped. declared: declarations of attacks, by their indices among all editors.
@@ -70,7 +77,9 @@ class Labels:
         names: dict[int, str],
         expiry_s: float,
         declared: Mapping[int, Declaration],
+        grown: GrowingTable | None = None,
     ) -> None:
+        self._grown = grown
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
         self._step_rows: list[_Row] = []
@@ -117,6 +126,8 @@ class Labels:
         for number, message in olds.items():
             self._held_back[editor_index, number] = message
             self._step_held_back.append((editor.name, message))
+        while self._grown is not None and len(self._held_back) > MOST_HELD_BACK:
+            self._add_dropped(*next(iter(self._held_back)))
         if len(self._rows) >= _BLOCK:
             self._close_block()
 
@@ -161,20 +172,29 @@ class Labels:
 
     def write(self, folder: Path) -> None:
         """Write the file, in order of time; messages that are still held back were dropped."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        for (editor_index, _), message in self._held_back.items():
-            self._add(editor_index, DROPPED, message, message, message.request_ns, message.payload)
+        for key in tuple(self._held_back):
+            self._add_dropped(*key)
             if len(self._rows) >= _BLOCK:
                 self._close_block()
                 self.cams.forget()
                 self._step_rows.clear()
-        self._held_back.clear()
         self._close_block()
+        if self._grown is not None:
+            self._grown.close()
+        else:
+            self._write_sorted(folder)
+
+    def _write_sorted(self, folder: Path) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
         table = pa.concat_tables(self._tables)
         order = [("time_ns", "ascending"), ("number", "ascending"), ("attack", "ascending")]
         pq.write_table(table.sort_by(order), folder / FILE)
+
+    def _add_dropped(self, editor_index: int, number: int) -> None:
+        message = self._held_back.pop((editor_index, number))
+        self._add(editor_index, DROPPED, message, message, message.request_ns, message.payload)
 
     def _add_new(self, editor_index: int, message: Sent) -> None:
         held = self._held_back.pop((editor_index, message.number), None)
@@ -282,7 +302,11 @@ class Labels:
                 columns[f"{state}_{field}"] = [
                     None if (stated := getattr(row, state)) is None else stated[field] for row in rows
                 ]
-        self._tables.append(pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS)))
+        table = pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS))
+        if self._grown is not None:
+            self._grown.add_table(table)
+        else:
+            self._tables.append(table)
 
     def _mattered(self, row: _Row, moved_m: float) -> bool:
         if row.action == CORRUPT:

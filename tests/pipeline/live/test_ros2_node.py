@@ -19,7 +19,10 @@ from advpipe.pipeline.messages.types import schema_text
 
 
 @pytest.mark.oracle
-@pytest.mark.parametrize(("distribution", "id_bytes"), [("", 16), ("jazzy", 16), ("humble", 24)])
+@pytest.mark.parametrize(
+    ("distribution", "id_bytes"),
+    [("", 16), pytest.param("jazzy", 16, marks=pytest.mark.nightly), ("humble", 24)],
+)
 def test_the_node_and_its_topics_are_announced(
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest, distribution: str, id_bytes: int
 ) -> None:

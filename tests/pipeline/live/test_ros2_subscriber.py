@@ -22,6 +22,7 @@ SAMPLE = shipped_sample() / "clean"
 POINTS = VehicleTopics().lidar_points
 
 
+@pytest.mark.nightly
 @pytest.mark.oracle
 def test_what_is_played_is_received_byte_for_byte() -> None:
     domain = new_domain()

@@ -137,7 +137,10 @@ def test_refusals_are_one_line(options: dict[str, Any], line: str) -> None:
     assert "\n" not in str(found.value)
 
 
-@pytest.mark.parametrize(("option", "package"), [("--ros2", "cyclonedds"), ("--foxglove", "foxglove-sdk")])
+@pytest.mark.parametrize(
+    ("option", "package"),
+    [("--ros2", "cyclonedds"), pytest.param("--foxglove", "foxglove-sdk", marks=pytest.mark.nightly)],
+)
 def test_a_missing_extra_is_one_line(option: str, package: str, tmp_path: Path) -> None:
     """A module of that name that is not there: imports fail as without the extra."""
     module = package.partition("-")[0]

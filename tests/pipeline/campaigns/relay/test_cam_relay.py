@@ -6,7 +6,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from relay_messages import BEGIN_NS, packet_cdr
+from relay_messages import BEGIN_NS, cam_payload_of, packet_cdr
 from relay_parts import on, recording, settings_of
 
 from advpipe.pipeline.bag.reader import BagReader
@@ -14,10 +14,13 @@ from advpipe.pipeline.campaigns.relay.cam_relay import CamRelay
 from advpipe.pipeline.campaigns.relay.outgoing import ADDED_BY_ATTACK, ATTACKED, UNCHANGED, OutgoingMessage
 from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.messages.cam_cdr import cam_cdr
+from advpipe.pipeline.messages.cam_from_cdr import cam_tree_of_cdr
 from advpipe.pipeline.messages.types import message_class, typestore
 from advpipe.pipeline.messages.v2x import udp_packet_cdr
 from advpipe.pipeline.v2x.codec.btp import cam_payload
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
+from advpipe.stages.attack.v2x import labels as labels_module
 from advpipe.stages.attack.v2x.cams import field_of
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
@@ -38,7 +41,7 @@ def run(tmp_path: Path, attack: dict[str, Any], tenths: int = 20, **others: Any)
             relay.take(packet_cdr(STATIONS[step % 4], now_ns), now_ns, 0.0)
             sent += relay.due(now_ns + 1000, 0.0)
         sent += relay.due(now_ns + TENTH_NS, 0.0)
-        relay.write_labels(tmp_path)
+        relay.write_labels()
     assert relay.counts.received == tenths * 4
     withheld = relay.counts.received - sum(one.fate != ADDED_BY_ATTACK for one in on(RAW, sent))
     assert relay.counts.withheld == withheld
@@ -67,11 +70,11 @@ def test_a_named_attacker_is_falsified_and_others_are_not(tmp_path: Path) -> Non
     assert {one.cdr for one in raw if one.fate == UNCHANGED} == {
         packet_cdr(STATIONS[step % 4], BEGIN_NS + step * TENTH_NS // 4) for step in range(80) if step % 4 != 1
     }
-    assert {(row["attacker"], row["action"]) for row in labels(tmp_path)} == {("102", "changed")}
-    assert [row["true_speed_mps"] for row in labels(tmp_path)] == pytest.approx(
+    assert {(row["attacker"], row["action"]) for row in labels(tmp_path / "bag")} == {("102", "changed")}
+    assert [row["true_speed_mps"] for row in labels(tmp_path / "bag")] == pytest.approx(
         [10 + 0.1 * step + 0.025 for step in range(20)], abs=0.011
     )
-    assert len(labels(tmp_path)) == 20
+    assert len(labels(tmp_path / "bag")) == 20
     values = on(VALUES, sent)
     message_class("etsi_its_cam_msgs/msg/CAM")  # which registers it
     cams = [typestore().deserialize_cdr(one.cdr, "etsi_its_cam_msgs/msg/CAM") for one in values]
@@ -79,10 +82,60 @@ def test_a_named_attacker_is_falsified_and_others_are_not(tmp_path: Path) -> Non
     assert BagReader(tmp_path / "bag", debug=True).topics["/advpipe/debug/v2x/sent"].count == 20
 
 
+@pytest.mark.parametrize(
+    ("attack", "fates"),
+    [
+        ({"type": "cam-speed-constant"}, {UNCHANGED: 30, ATTACKED: 10}),
+        ({"type": "cam-drop"}, {UNCHANGED: 30}),
+    ],
+)
+def test_a_graph_without_packets(tmp_path: Path, attack: dict[str, Any], fates: dict[str, int]) -> None:
+    """CAMs come and go as ROS 2 messages."""
+    settings = settings_of({**attack, "attackers": {"vehicles": ["102"]}}, packet_topic="")
+    cams = [cam_cdr(decode_cam_tree(cam_payload_of(station))) for station in STATIONS]
+    sent: list[OutgoingMessage] = []
+    with recording(tmp_path / "bag") as recorder:
+        relay = CamRelay(settings, settings.attacks, MapPlace(None), recorder)
+        assert [topic.name for topic in relay.topics] == [VALUES]
+        relay.begin(BEGIN_NS)
+        for step in range(40):
+            now_ns = BEGIN_NS + step * TENTH_NS // 4
+            relay.take(cams[step % 4], now_ns, 0.0)
+            sent += relay.due(now_ns + 1000, 0.0)
+        relay.write_labels()
+    assert Counter(one.fate for one in sent) == fates
+    assert {one.cdr for one in sent if one.fate == UNCHANGED} == {cams[place] for place in (0, 2, 3)}
+    attacked = [cam_tree_of_cdr(one.cdr) for one in sent if one.fate == ATTACKED]
+    assert {field_of(tree, "station_id") for tree in attacked} <= {102}
+    assert relay.counts.withheld == 40 - len(sent)
+    assert len(labels(tmp_path / "bag")) == 10
+
+
+def test_held_back_messages_are_labelled_in_bounded_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that were dropped long ago have their labels before the end."""
+    monkeypatch.setattr(labels_module, "MOST_HELD_BACK", 5)
+    run(tmp_path, {"type": "cam-drop", "attackers": {"vehicles": ["102"]}})
+    found = labels(tmp_path / "bag")
+    assert [row["number"] for row in found] == sorted(row["number"] for row in found)
+    assert Counter(row["action"] for row in found) == {"dropped": 20}
+
+
+def test_a_fix_that_makes_the_origin_first(tmp_path: Path) -> None:
+    settings, place = settings_of({"type": "cam-drop", "attackers": {"share": 1.0}}), MapPlace(None)
+    with recording(tmp_path / "bag") as recorder:
+        relay = CamRelay(settings, settings.attacks, place, recorder)
+        relay.begin(BEGIN_NS)
+        place.set_origin(48.0, 11.0, 0.0)
+        relay.take(packet_cdr(101), BEGIN_NS, 0.0)
+        assert not list(relay.due(BEGIN_NS + 5, 0.0))
+
+
 def test_drop(tmp_path: Path) -> None:
     sent = run(tmp_path, {"type": "cam-drop", "attackers": {"vehicles": ["102"]}})
     assert {field_of(tree, "station_id") for tree in trees(sent)} == {101, 103, 104}
-    assert Counter(row["action"] for row in labels(tmp_path)) == {"dropped": 20}
+    assert Counter(row["action"] for row in labels(tmp_path / "bag")) == {"dropped": 20}
 
 
 def test_flood(tmp_path: Path) -> None:
@@ -116,14 +169,14 @@ def test_every_attack(tmp_path: Path, name: str) -> None:
     if name == "cam-stale":
         attack["parameters"] = {"messages": 5}
     sent = run(tmp_path, attack, tenths=60 if name == "cam-sybil-replay" else 30)
-    assert len(labels(tmp_path)) > 0
+    assert len(labels(tmp_path / "bag")) > 0
     assert len(on(RAW, sent)) > 0
 
 
 @pytest.mark.parametrize("share", [0.0001, 1.0])
 def test_a_share_is_drawn_station_by_station(tmp_path: Path, share: float) -> None:
     run(tmp_path, {"type": "cam-speed-constant", "attackers": {"share": share}}, tenths=3)
-    assert {row["attacker"] for row in labels(tmp_path)} == (
+    assert {row["attacker"] for row in labels(tmp_path / "bag")} == (
         {"101", "102", "103", "104"} if share == 1 else set()
     )
 

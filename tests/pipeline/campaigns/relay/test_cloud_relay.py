@@ -150,6 +150,7 @@ def test_refusals(tmp_path: Path, attack: dict[str, Any], line: str) -> None:
     assert str(found.value).startswith(line)
 
 
+@pytest.mark.nightly
 def test_one_pass_of_a_detectors_gradient(tmp_path: Path) -> None:
     """The paper's greedy removal in one round, against what the detector finds itself."""
     parameters = {"ratio": 0.01, "rounds": 1, "truth": "detections"}

@@ -33,7 +33,7 @@ def run(tmp_path: Path, attack: dict[str, Any], fixes: list[bytes]) -> list[Outg
         for number, cdr in enumerate(fixes):
             relay.take(cdr, BEGIN_NS + number * PERIOD_NS, 0.0)
             sent += relay.due(BEGIN_NS, 0.0)
-        relay.write_labels(tmp_path)
+        relay.write_labels()
     return sent
 
 
@@ -57,7 +57,7 @@ def test_a_drift_out_of_the_lane(tmp_path: Path) -> None:
     assert np.allclose(offsets_m(sent, fixes), expected_m, atol=1e-3)
     assert [one.fate for one in sent] == [UNCHANGED] * 6 + [ATTACKED] * 14
     assert [one.cdr for one in sent[:5]] == fixes[:5]
-    labels = pq.read_table(tmp_path / "gnss_labels.parquet").to_pylist()
+    labels = pq.read_table(tmp_path / "bag" / "gnss_labels.parquet").to_pylist()
     assert [row["offset_east_m"] for row in labels] == pytest.approx([x for x, _, _ in expected_m], abs=1e-3)
     assert {row["vehicle"] for row in labels} == {"ego"}
     shown = BagReader(tmp_path / "bag", debug=True).topics["/advpipe/debug/ego/gnss/fix"]

@@ -23,6 +23,8 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.dataset.sample import shipped_sample
 from advpipe.pipeline.messages.build import clock
 from advpipe.pipeline.messages.topics import CLOCK, VehicleTopics
+from advpipe.stages.evaluate.localisation.section import localisation_sections
+from advpipe.stages.evaluate.v2x.section import v2x_sections
 
 SAMPLE = str(shipped_sample() / "clean")
 ADVPIPE = [sys.executable, "-m", "advpipe"]
@@ -59,11 +61,14 @@ def play(domain: int, *more: str) -> None:
 @pytest.mark.oracle
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_a_consumer_receives_what_the_bag_records(tmp_path: Path, number: signal.Signals) -> None:
-    """A signal ends it as at its end: the bag is whole, and has its labels."""
+    """A signal ends it as at its end: the bag is whole, and has its labels. At night also with the bag that
+    is played, with which the attack is scored."""
     pytest.importorskip("cyclonedds")
     domain, out = new_domain(), tmp_path / "relayed"
     (tmp_path / "relay.yaml").write_text(FILE)
     where = ["--ros2", "--domain", str(domain), "--interface", "lo", "--out", str(out), "--json"]
+    is_scored = number == signal.SIGTERM
+    where += ["--clean", SAMPLE] if is_scored else []
     topics = [(f"rt{prefix}/ego/lidar/points", "cloud", "reliable") for prefix in ("", "/evil")]
     with relaying("--attack", str(tmp_path / "relay.yaml"), "--prefix", "evil", *where) as process:
         wait_until_it_stands(process)
@@ -94,8 +99,14 @@ def test_a_consumer_receives_what_the_bag_records(tmp_path: Path, number: signal
     assert pq.read_table(out / "gnss_labels.parquet").num_rows == rows["/ego/gnss/fix"]["received"]
     assert {path.name for path in out.iterdir()} >= {"relay.yaml", "metadata.yaml", "labels.parquet"}
     assert said["reason"] == "until it was stopped"
+    assert ("parent_sha256" in reader.provenance) == is_scored
+    if is_scored:
+        for sections_of in (localisation_sections, v2x_sections):
+            (section,) = sections_of(Path(SAMPLE), [out])
+            assert section.records
 
 
+@pytest.mark.nightly
 @pytest.mark.oracle
 def test_a_player_that_begins_again(tmp_path: Path) -> None:
     """/clock jumps back: the relay ends, and its bag has one time line."""
@@ -121,6 +132,7 @@ def test_a_player_that_begins_again(tmp_path: Path) -> None:
     assert times_ns == sorted(times_ns)
 
 
+@pytest.mark.nightly
 def test_it_waits_for_publishers_and_ends_after_its_duration(tmp_path: Path) -> None:
     pytest.importorskip("cyclonedds")
     (tmp_path / "relay.yaml").write_text("attacks: {type: gnss-freeze}")

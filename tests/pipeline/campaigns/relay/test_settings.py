@@ -36,6 +36,7 @@ def written(folder: Path, text: str) -> Path:
         ("attacks: {type: detach}\nmax_latency_s: 0", "max_latency_s: Input should be greater than 0"),
         ("attacks: {type: detach, frames: '0:3'}", "detach: a relay has no use for frames; leave it out"),
         ("attacks: {type: detach}\nfix_topic: /a/b\npacket_topic: /a/b", "two of the topics are the same"),
+        ("attacks: {type: cam-drop}\npacket_topic: ''\ncam_topic: ''", "packet_topic and cam_topic are both"),
         ("attacks: [", "not valid YAML"),
     ],
 )

@@ -1,0 +1,58 @@
+"""Lichtblick in headless Chromium as the viewer: not the server's own side of the protocol.
+
+ADVPIPE_LICHTBLICK names the folder of a built Lichtblick for the web (`yarn run web:build:prod` makes
+`web/.webpack`), 1.22 or later.
+"""
+
+import os
+import subprocess
+import sys
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pytest
+from chromium import needs_browser, running_browser
+
+from advpipe.pipeline.dataset.sample import shipped_sample
+
+FOLDER = os.environ.get("ADVPIPE_LICHTBLICK", "")
+PLAY = [sys.executable, "-m", "advpipe", "play", str(shipped_sample() / "clean")]
+
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(not FOLDER, reason="ADVPIPE_LICHTBLICK names no built Lichtblick"),
+    *needs_browser[1:],
+]
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    def log_message(self, *arguments: object) -> None: ...
+
+
+def test_it_connects_and_lists_the_topics(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    pages = ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=FOLDER))
+    threading.Thread(target=pages.serve_forever, daemon=True).start()
+    player = subprocess.Popen(
+        [*PLAY, "--foxglove", "--port", "0", "--loop"], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert player.stderr is not None
+        while "ws://" not in (line := player.stderr.readline()):
+            assert line, "the player has ended"
+        address = line.partition("played to ")[2].partition(";")[0]
+        query = urlencode({"ds": "foxglove-websocket", "ds.url": address})
+        with running_browser() as browser:
+            browser.resize(1400, 900)
+            url = f"http://127.0.0.1:{pages.server_address[1]}/?{query}"
+            browser.call("Page.navigate", url=url)
+            browser.wait("document.body && document.body.innerText.includes('/ego/lidar/points')")
+            (tmp_path / "lichtblick.png").write_bytes(browser.screenshot())
+            assert "/v2x/sent" in browser.evaluate("document.body.innerText")
+    finally:
+        player.terminate()
+        player.wait(30)
+        pages.shutdown()
