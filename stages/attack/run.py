@@ -86,11 +86,11 @@ def attack(
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
-    gnss, v2x = request.of("gnss"), request.of("v2x")
-    with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
+    gnss, v2x, radar = request.of("gnss"), request.of("v2x"), request.of("radar")
+    with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar))), open_job(out, resolved) as job:
         debug = DebugMessages() if request.debug else None
         with working_on(MESSAGES):
-            changes = change_messages(reader, gnss, v2x, request.seed, debug)
+            changes = change_messages(reader, gnss, v2x, request.seed, debug, radar)
         messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)

@@ -41,11 +41,11 @@ LOBE_POWER = 16
 _PATTERNS = np.array([PATTERNS[name] for name in CLASSES])
 
 GAMMA_DB = {
-    "road": -20.0,
-    "marking": -20.0,
-    "pavement": -18.0,
-    "ground": -12.0,
-    "vegetation": -8.0,
+    "road": -30.0,
+    "marking": -30.0,
+    "pavement": -26.0,
+    "ground": -15.0,
+    "vegetation": -10.0,
     "building": -6.0,
     "pole": 3.0,
     "sign": 8.0,
@@ -57,7 +57,8 @@ GAMMA_DB = {
 """gamma of each surface in the constant-gamma model: an area A seen at the grazing angle psi has the RCS
 gamma sin(psi) A, so gamma times the area across the beam.
 
-Land: Long, Radar Reflectivity of Land and Sea (2001), and Ulaby and Dobson, Handbook of Radar Scattering
+Roads: asphalt is smooth at this wavelength and returns little at grazing incidence (Sarabandi, Li and Nashashibi,
+Scattering from road surfaces at millimeter-wave frequencies, IEEE Trans. AP 45, 1997). Land: Long, Radar Reflectivity of Land and Sea (2001), and Ulaby and Dobson, Handbook of Radar Scattering
 Statistics for Terrain (1989), at W band. Metal: above 0 dB, as edges and corners return more than a rough surface.
 """
 

@@ -10,6 +10,7 @@ detections. Not modelled: sidelobes, masking by strong targets in the CFAR's win
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
@@ -26,7 +27,11 @@ from advpipe.pipeline.sensors.world import Hits
 
 
 class Radar:
-    """One sensor in given weather. period_s: time between its scans."""
+    """One sensor in given weather.
+
+    period_s: time between its scans. cell_width: (4,), of a resolution cell; 0 for elevation where that is not
+    measured.
+    """
 
     def __init__(self, section: RadarSensor, period_s: float, weather: Weather | None = None) -> None:
         self.section = section
@@ -35,7 +40,8 @@ class Radar:
             [section.x_m, section.y_m, section.z_m], *np.deg2rad([section.yaw_deg, section.pitch_deg])
         )
         self._aiming = Aiming(section, period_s)
-        self._width = resolutions(section)
+        width = resolutions(section)
+        self.cell_width: Float64 = np.where(np.isfinite(width), width, 0.0)
         self._alpha = detection.threshold_factor(section.false_alarm_probability, section.cfar_cells)
 
     def aim(self, boxes: Boxes, rng: np.random.Generator) -> Aim:
@@ -51,9 +57,13 @@ class Radar:
         return direct + mirror_images(direct, boxes, facets, self.section.guard_rail_reflection)
 
     def measure(
-        self, scatterers: Scatterers, velocity_mps: Float64, rng: np.random.Generator
+        self,
+        scatterers: Scatterers,
+        velocity_mps: Float64,
+        rng: np.random.Generator,
+        with_false_alarms: bool = True,
     ) -> RadarReturns:
-        """The detections (K,) of one scan, by range, with false alarms.
+        """The detections (K,) of one scan, by range.
 
         velocity_mps: (3,) of the radar over the ground, in its own axes.
         """
@@ -63,16 +73,30 @@ class Radar:
         case = np.where(cells.of_users > cells.signal / 2, section.swerling, 1)
         factors = [detection.fluctuation(each, len(case), rng) for each in (0, 1, 3)]
         power = detection.received_power(cells.signal * np.choose(np.minimum(case, 2), factors), rng)
-        limits = detection.thresholds(self._alpha, section.cfar_cells, len(power), rng)
-        detected = power > limits
+        detected = power > self._thresholds(len(power), rng)
         power, centre = power[detected], cells.centre[detected]
         peaks = are_peaks(section, centre, power)
         power, centre = power[peaks], centre[peaks]
-        width = np.where(np.isfinite(self._width), self._width, 0.0)
-        noise = rng.standard_normal(centre.shape) * width / np.sqrt(2 * power)[:, None]
-        false_powers, false_alarms = self._false_alarms(rng)
-        powers = np.concatenate([power, false_powers])
-        return self._listed(np.concatenate([folded(section, centre + noise), false_alarms]), powers)
+        noise = rng.standard_normal(centre.shape) * self.cell_width / np.sqrt(2 * power)[:, None]
+        measured = folded(section, centre + noise)
+        if with_false_alarms:
+            false_powers, places = self.false_alarms(rng)
+            power, measured = np.concatenate([power, false_powers]), np.concatenate([measured, places])
+        return self._listed(measured, power)
+
+    def detected_again(
+        self, signal: Float64, rng: np.random.Generator
+    ) -> tuple[Float64, npt.NDArray[np.bool_]]:
+        """New powers (N,) of cells with these signals, over the noise, and whether they are detected."""
+        power = detection.received_power(signal, rng)
+        return power, power > self._thresholds(len(power), rng)
+
+    def folded(self, measured: Float64) -> Float64:
+        """Measurements (N, 4) with ambiguities, see `resolution.folded`."""
+        return folded(self.section, measured)
+
+    def _thresholds(self, count: int, rng: np.random.Generator) -> Float64:
+        return detection.thresholds(self._alpha, self.section.cfar_cells, count, rng)
 
     def rcs_dbsm(self, returns: RadarReturns) -> Float64:
         """The RCS (N,) that the radar states, from amplitude and place of each return in free space."""
@@ -95,8 +119,8 @@ class Radar:
             elevation = np.zeros_like(elevation)
         return folded(section, np.stack([range_m, azimuth, elevation, rate_mps], axis=1)), signal
 
-    def _false_alarms(self, rng: np.random.Generator) -> tuple[Float64, Float64]:
-        """Powers (F,) and measurements (F, 4) of noise that exceeds the threshold."""
+    def false_alarms(self, rng: np.random.Generator) -> tuple[Float64, Float64]:
+        """Powers (F,) and measurements (F, 4) of noise alone that exceeds the threshold."""
         section = self.section
         count = int(rng.binomial(section.cells, section.false_alarm_probability))
         power = detection.false_alarm_powers(self._alpha, section.cfar_cells, count, rng)
@@ -113,12 +137,18 @@ class Radar:
         return power, places
 
     def _listed(self, measured: Float64, power: Float64) -> RadarReturns:
-        """The strongest returns, as many as the list holds, by range."""
+        """The returns of the largest RCS, as many as the list holds, by range."""
         inside = np.flatnonzero((measured[:, 0] > 0) & (measured[:, 0] <= self.section.range))
-        strongest = inside[np.argsort(-power[inside], kind="stable")][: self.section.max_returns]
-        chosen = strongest[np.argsort(measured[strongest, 0], kind="stable")]
-        returns = np.empty(len(chosen), RETURN_DTYPE)
+        rcs_m2 = power[inside] / self.propagation.snr_of_1m2(*measured[inside, :3].T)
+        largest = inside[np.argsort(-rcs_m2, kind="stable")][: self.section.max_returns]
+        chosen = largest[np.argsort(measured[largest, 0], kind="stable")]
+        return self.as_returns(measured[chosen], power[chosen])
+
+    @staticmethod
+    def as_returns(measured: Float64, power: Float64) -> RadarReturns:
+        """Returns (N,) of measurements (N, 4) and powers (N,) over the noise."""
+        returns = np.empty(len(measured), RETURN_DTYPE)
         for column, name in enumerate(("range", "azimuth", "elevation", "velocity")):
-            returns[name] = measured[chosen, column]
-        returns["amplitude"] = 10 * np.log10(power[chosen])
+            returns[name] = measured[:, column]
+        returns["amplitude"] = 10 * np.log10(power)
         return returns

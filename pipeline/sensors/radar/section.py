@@ -81,7 +81,7 @@ class RadarSensor(MountedSection):
     scatterers: Whole = Field(16, ge=1, le=1000, description="points that sample each road user")
     wheels: Switch = Field(False, description="whether turning wheels spread the velocities of vehicles")
     max_returns: Whole = Field(
-        256, ge=1, le=100_000, description="longest list of detections; the strongest are kept"
+        256, ge=1, le=100_000, description="longest list of detections; those of the largest RCS are kept"
     )
 
     @model_validator(mode="before")
