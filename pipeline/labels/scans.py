@@ -26,7 +26,7 @@ SCAN_COLUMNS: Columns = {
     "attacked": "int32",
     **dict.fromkeys(MEASURED, "float32"),
 }
-"""By topic and time. topic: of the scans; scan: counts them; attack: its name; action: added, changed or
+"""By time. topic: of the scans; scan: counts them; attack: its name; action: added, changed or
 removed; clean, attacked: the place of the return in the clean scan and in this one, null where it is not;
 range_m to amplitude_db: of the return, as it is here, of a removed one as it was."""
 

@@ -51,9 +51,7 @@ def scan_to_cdr(returns: RadarReturns, stamp_ns: int, frame_id: str) -> bytes:
     return bytes(writer)
 
 
-def radar_cloud_to_cdr(
-    returns: RadarReturns, rcs_dbsm: npt.ArrayLike, stamp_ns: int, frame_id: str
-) -> bytes:
+def radar_cloud_to_cdr(returns: RadarReturns, rcs_dbsm: npt.ArrayLike, stamp_ns: int, frame_id: str) -> bytes:
     """Serialise returns (N,) with their RCS (N,) as sensor_msgs/PointCloud2 of `RADAR_POINT_DTYPE`."""
     points = np.zeros(len(returns), RADAR_POINT_DTYPE)
     points["x"], points["y"], points["z"] = xyz_of_returns(returns).T

@@ -87,7 +87,10 @@ def attack(
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x, radar = request.of("gnss"), request.of("v2x"), request.of("radar")
-    with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar))), open_job(out, resolved) as job:
+    with (
+        plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar))),
+        open_job(out, resolved) as job,
+    ):
         debug = DebugMessages() if request.debug else None
         with working_on(MESSAGES):
             changes = change_messages(reader, gnss, v2x, request.seed, debug, radar)

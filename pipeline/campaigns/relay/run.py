@@ -25,6 +25,7 @@ from advpipe.pipeline.campaigns.relay.place import MapPlace
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
 from advpipe.pipeline.campaigns.relay.settings import RelaySettings, load_relay_settings
 from advpipe.pipeline.campaigns.relay.summary import RelayedTopic, RelaySummary
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.signals import Deferred, deferred
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.core.versions import installed
@@ -192,6 +193,8 @@ def _resolved(settings: RelaySettings) -> RelaySettings:
     resolved = settings.model_copy(update={"attacks": tuple(map(resolved_name, settings.attacks))})
     for spec in resolved.attacks:
         refuse_foreign_keys(relay_spec(spec))
+        if find_attack(spec.type).family == "radar":
+            raise UsageError(f"{spec.type}: relay attacks no radars; attack a recorded drive")
         declaration_of(relay_spec(spec))
     return resolved
 

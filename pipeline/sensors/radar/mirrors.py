@@ -42,9 +42,7 @@ def barrier_facets(aim: Aim, hits: Hits) -> Float64:
     return np.asarray(facets[(length_m > SHORTEST_M) & (length_m < LONGEST_M)])
 
 
-def mirror_images(
-    direct: Scatterers, boxes: Boxes, facets: Float64, reflection: float
-) -> Scatterers:
+def mirror_images(direct: Scatterers, boxes: Boxes, facets: Float64, reflection: float) -> Scatterers:
     """The images of the scatterers of road users in facets; boxes: in the radar's frame.
 
     A facet mirrors a road user if the line to its image passes through the facet. The normals of all such
@@ -92,6 +90,4 @@ def _mirrored(direct: Scatterers, normal: Float64, offset_m: float, reflection: 
     position_m, velocity_mps = direct.position_m.copy(), direct.velocity_mps.copy()
     position_m[:, :2] += 2 * (offset_m - position_m[:, :2] @ normal)[:, None] * normal
     velocity_mps[:, :2] -= 2 * (velocity_mps[:, :2] @ normal)[:, None] * normal
-    return Scatterers(
-        position_m, velocity_mps, direct.rcs_m2 * reflection**2, direct.height_m, direct.users
-    )
+    return Scatterers(position_m, velocity_mps, direct.rcs_m2 * reflection**2, direct.height_m, direct.users)

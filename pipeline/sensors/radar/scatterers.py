@@ -80,7 +80,9 @@ def _on_road_users(
     rcs *= (1 - hits.occlusion.astype(np.float64)) * aim.shares
     count = np.bincount(users[~is_wheel], minlength=len(boxes))
     of_body = 1 - WHEEL_SHARE * bool(aim.is_wheel.any())
-    rcs_m2 = np.where(is_wheel, rcs[users] * WHEEL_SHARE / 4, rcs[users] * of_body / np.maximum(count, 1)[users])
+    rcs_m2 = np.where(
+        is_wheel, rcs[users] * WHEEL_SHARE / 4, rcs[users] * of_body / np.maximum(count, 1)[users]
+    )
     centre = boxes.geometry[users]
     arm_m = place_m - centre[:, :3]
     turn = turn_rate_radps[users]

@@ -14,15 +14,15 @@ from advpipe.pipeline.bag.recorded_radars import RecordedRadar, recorded_radars
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.labels.columns import arrow_schema
-from advpipe.pipeline.labels.scans import FILE, SCAN_COLUMNS
+from advpipe.pipeline.labels.scans import FILE
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.radar import StampedScan, radar_cloud_to_cdr, scan_from_cdr, scan_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.parameters import resolved_parameters
+from advpipe.stages.attack.radar.label_spool import LabelSpool
 from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
-from advpipe.stages.attack.radar.schedule import Row, ScanAttackSchedule
+from advpipe.stages.attack.radar.schedule import ScanAttackSchedule
 from advpipe.stages.attack.recording import recording_of
 
 
@@ -34,7 +34,7 @@ class RadarChange:
         self._scans = {one.recorded.scan_topic: one for one in schedules}
         self._points = {one.recorded.points_topic: one.recorded.scan_topic for one in schedules}
         self.topics = frozenset({*self._scans, *self._points} & reader.topics.keys())
-        self._rows: list[Row] = []
+        self._labels = LabelSpool()
         self._numbers: Counter[str] = Counter()
 
     def messages(self) -> Iterator[RawMessage]:
@@ -59,15 +59,11 @@ class RadarChange:
 
     def write_labels(self, folder: Path) -> None:
         """Write radar_labels.parquet; see `labels.scans`."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        rows = sorted(self._rows, key=lambda row: (str(row["topic"]), row["scan"]))
-        pq.write_table(pa.Table.from_pylist(rows, arrow_schema(SCAN_COLUMNS)), str(folder / FILE))
+        self._labels.copy_to(folder / FILE)
 
     def counts(self) -> Counter[str]:
         """How many returns the attacks added, changed and removed."""
-        return Counter(f"radar returns {row['action']}" for row in self._rows)
+        return Counter({f"radar returns {what}": count for what, count in self._labels.actions.items()})
 
     def _attacked(self, raw: RawMessage, truth: dict[str, GroundTruth]) -> tuple[bytes, bytes] | None:
         """The scan and its points after the attacks; None if they leave it as it is."""
@@ -81,7 +77,7 @@ class RadarChange:
         if not rows:
             return None
         about = {"topic": topic, "scan": number, "stamp_ns": scan.stamp_ns}
-        self._rows += [{"attacked": None, **about, **row} for row in rows]
+        self._labels.add([{"attacked": None, **about, **row} for row in rows])
         rcs_dbsm = schedule.recorded.radar.rcs_dbsm(returns)
         return (
             scan_to_cdr(returns, scan.stamp_ns, scan.frame_id),
