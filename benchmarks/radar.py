@@ -85,8 +85,9 @@ def time_preset(name: str, instants: list[Instant], scans: int) -> bool:
     median_ms, mark_ms = statistics.median(passed_ms[1:]), MARKS_MS[name]
     good = median_ms < mark_ms and growth_mb < MOST_GROWTH_MB
     print(
-        f"{name:12} {median_ms:6.2f} ms a scan (mark {mark_ms:g}), processor {statistics.median(used_ms[1:]):6.2f} "
-        f"ms; {statistics.mean(sizes) / 20:5.0f} returns; memory +{growth_mb:.1f} MB  {'ok' if good else 'BEYOND'}"
+        f"{name:12} {median_ms:6.2f} ms a scan (mark {mark_ms:g}), processor "
+        f"{statistics.median(used_ms[1:]):6.2f} ms; {statistics.mean(sizes) / 20:5.0f} returns; memory "
+        f"+{growth_mb:.1f} MB  {'ok' if good else 'BEYOND'}"
     )
     return good
 

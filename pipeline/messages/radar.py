@@ -37,7 +37,9 @@ class StampedScan(NamedTuple):
 
 def xyz_of_returns(returns: RadarReturns) -> npt.NDArray[np.float64]:
     """Positions (N, 3) of returns (N,) in the radar's frame."""
-    range_m, azimuth, elevation = (returns[name].astype(np.float64) for name in RETURN_DTYPE.names[:3])
+    range_m, azimuth, elevation = (
+        returns[name].astype(np.float64) for name in ("range", "azimuth", "elevation")
+    )
     level_m = range_m * np.cos(elevation)
     return np.stack([level_m * np.cos(azimuth), level_m * np.sin(azimuth), range_m * np.sin(elevation)], 1)
 

@@ -22,8 +22,8 @@ def returns_of_boxes(
 ) -> list[npt.NDArray[np.int64]]:
     """For each of M boxes in the radar's frame, the indices of the returns at it.
 
-    A box is enlarged by margin_m on every side, and by two standard deviations of a weak return's azimuth. The
-    height counts only where the radar measures elevation.
+    A box is enlarged by margin_m on every side, and by two standard deviations of a weak return's azimuth.
+    The height counts only where the radar measures elevation.
     """
     geometry = boxes.geometry.copy()
     beam = np.deg2rad(section.azimuth_resolution_deg)

@@ -27,12 +27,12 @@ PATTERNS = {
     "cyclist": AspectPattern(-4.0, 4.0, -5.0),
     "pedestrian": AspectPattern(-8.0, -8.0, -8.0),
 }
-"""Means of measurements at 76 to 81 GHz, rounded.
+"""Round numbers of the order of published measurements at 76 to 81 GHz, where there are any.
 
-Cars and trucks: Schipper et al., Simulative prediction of the interference potential between radars in common
-road scenarios (IEEE Trans. EMC 57, 2015) and RCS measurements of theirs (2011); Geary et al., Automotive radar
-target characterization (2012). Cyclists: Belgiovane and Chen, Bicycles and human riders backscattering at 77 GHz
-(EuCAP 2016). Pedestrians: Fortuny-Guasch and Chareau, JRC report EUR 25762 (2013).
+Cars and trucks: Geary et al., Automotive radar target characterization from 22 to 29 GHz and 76 to 81 GHz
+(RadarCon 2013); Schipper et al., RCS measurement results for automotive related objects (EuCAP 2011).
+Cyclists: Belgiovane and Chen, Bicycles and human riders backscattering at 77 GHz (EuCAP 2016). Pedestrians:
+Fortuny-Guasch and Chareau, JRC report EUR 25762 (2013).
 """
 
 LOBE_POWER = 16
@@ -57,9 +57,11 @@ GAMMA_DB = {
 """gamma of each surface in the constant-gamma model: an area A seen at the grazing angle psi has the RCS
 gamma sin(psi) A, so gamma times the area across the beam.
 
-Roads: asphalt is smooth at this wavelength and returns little at grazing incidence (Sarabandi, Li and Nashashibi,
-Scattering from road surfaces at millimeter-wave frequencies, IEEE Trans. AP 45, 1997). Land: Long, Radar Reflectivity of Land and Sea (2001), and Ulaby and Dobson, Handbook of Radar Scattering
-Statistics for Terrain (1989), at W band. Metal: above 0 dB, as edges and corners return more than a rough surface.
+Roads: asphalt is smooth at this wavelength and returns little at grazing incidence (Sarabandi, Li and
+Nashashibi, Scattering from road surfaces at millimeter-wave frequencies, IEEE Trans. AP 45, 1997). Land: of
+the order of the values of Long, Radar Reflectivity of Land and Sea (2001), and Ulaby and Dobson, Handbook of
+Radar Scattering Statistics for Terrain (1989). Metal: assumed above 0 dB, as its edges and corners return
+more than a rough surface.
 """
 
 _GAMMA = np.array([10 ** (GAMMA_DB[name] / 10) for name in SURFACES])

@@ -1,9 +1,9 @@
 """Detection in noise: Swerling's fluctuation, and a cell-averaging CFAR in closed form.
 
 Powers are in units of the mean noise of a cell, which is exponentially distributed after a square-law
-detector. CFAR: Finn and Johnson (RCA Review 1968), Rohling (IEEE Trans. AES 19, 1983), Gandhi and Kassam (IEEE
-Trans. AES 24, 1988). Fluctuation: Swerling, Probability of detection for fluctuating targets (IRE Trans. IT 6,
-1960). A scan is one coherent look.
+detector. CFAR: Finn and Johnson (RCA Review 1968), Rohling (IEEE Trans. AES 19, 1983), Gandhi and Kassam
+(IEEE Trans. AES 24, 1988). Fluctuation: Swerling, Probability of detection for fluctuating targets (IRE
+Trans. IT 6, 1960). A scan is one coherent look.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STATED_PROBABILITY = 0.9
 
 def threshold_factor(false_alarm_probability: float, cells: int) -> float:
     """alpha = N (P_fa^(-1/N) - 1): the threshold is alpha times the mean of N cells with noise."""
-    return cells * (false_alarm_probability ** (-1 / cells) - 1)
+    return float(cells * (false_alarm_probability ** (-1 / cells) - 1))
 
 
 def detection_probability(snr: npt.ArrayLike, false_alarm_probability: float, cells: int) -> Float64:
@@ -33,7 +33,7 @@ def detection_probability(snr: npt.ArrayLike, false_alarm_probability: float, ce
 def needed_snr(probability: float, false_alarm_probability: float, cells: int) -> float:
     """The mean SNR that is detected with this probability: the inverse of `detection_probability`."""
     alpha = threshold_factor(false_alarm_probability, cells)
-    return alpha / (cells * (probability ** (-1 / cells) - 1)) - 1
+    return float(alpha / (cells * (probability ** (-1 / cells) - 1)) - 1)
 
 
 def fluctuation(case: int, count: int, rng: np.random.Generator) -> Float64:

@@ -1,8 +1,8 @@
 """Mirror images of road users in guard rails: what arrives by way of the rail, both ways.
 
-Image theory, as for the ghosts that Kraus et al., Using machine learning to detect ghost images in automotive radar
-(ITSC 2020), label: the wave goes by the rail to the target and back the same way, so that the ghost stands
-where the rail's mirror image of the target is.
+Image theory, as for the ghosts that Kraus et al., Using machine learning to detect ghost images in automotive
+radar (ITSC 2020), label: the wave goes by the rail to the target and back the same way, so that the ghost
+stands where the rail's mirror image of the target is.
 """
 
 from __future__ import annotations

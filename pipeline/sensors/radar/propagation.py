@@ -45,7 +45,7 @@ class Propagation:
         return np.asarray(self._constant * gain * gain * rain / np.maximum(range_m, 0.1) ** 4)
 
     def antenna_gain(self, azimuth_rad: Float64, elevation_rad: Float64) -> Float64:
-        """One-way gain (N,) relative to the axis: a Gaussian beam, -3 dB at each edge of the field of view."""
+        """One-way gain (N,) relative to the axis: Gaussian, -3 dB at each edge of the field of view."""
         offset = (azimuth_rad / self._half_rad[0]) ** 2 + (elevation_rad / self._half_rad[1]) ** 2
         return np.asarray(np.exp(-math.log(2) * offset))
 

@@ -1,10 +1,10 @@
 """A radar at the level of detections: what it sees of a scene in one scan.
 
-Scattering points on road users and on all else, with occlusion by ray casting (Buehren and Yang, Simulation of
-automotive radar target lists using a novel approach of object representation, IV 2006), go through the
+Scattering points on road users and on all else, with occlusion by ray casting (Buehren and Yang, Simulation
+of automotive radar target lists using a novel approach of object representation, IV 2006), go through the
 radar equation into resolution cells; cells with noise that exceed the threshold of a CFAR, and are peaks, are
-detections. Not modelled: sidelobes, masking by strong targets in the CFAR's window, interference by other radars
-(see the attack `radar-jam`), and paths by way of the road beneath other vehicles.
+detections. Not modelled: sidelobes, masking by strong targets in the CFAR's window, interference by other
+radars (see the attack `radar-jam`), and paths by way of the road beneath other vehicles.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from advpipe.pipeline.sensors.world import Hits
 class Radar:
     """One sensor in given weather.
 
-    period_s: time between its scans. cell_width: (4,), of a resolution cell; 0 for elevation where that is not
-    measured.
+    period_s: time between its scans. cell_width: (4,), of a resolution cell; 0 for elevation where that is
+    not measured.
     """
 
     def __init__(self, section: RadarSensor, period_s: float, weather: Weather | None = None) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
-from advpipe.pipeline.mcap.qos import keep_last
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.radar.section import MOST_RADAR_RAYS, RadarSensor
 from advpipe.pipeline.sensors.sensor import Cadence, DriveSettings, Instant, MountedSensor, Panel, Reading

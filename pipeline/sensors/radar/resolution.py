@@ -61,10 +61,10 @@ def fill_cells(section: RadarSensor, measured: Float64, signal: Float64, of_user
     spans = bins.max(axis=0, initial=0) + 1
     keys = ((bins[:, 0] * spans[1] + bins[:, 1]) * spans[2] + bins[:, 2]) * spans[3] + bins[:, 3]
     _, cell = np.unique(keys, return_inverse=True)
-    total = np.bincount(cell, signal)
+    total = np.bincount(cell, signal).astype(np.float64)
     total_safe = np.maximum(total, 1e-300)
     centre = np.stack([np.bincount(cell, signal * column) / total_safe for column in measured.T], axis=1)
-    return Cells(centre, total, np.bincount(cell, of_users))
+    return Cells(centre, total, np.bincount(cell, of_users).astype(np.float64))
 
 
 def are_peaks(section: RadarSensor, centre: Float64, power: Float64) -> npt.NDArray[np.bool_]:

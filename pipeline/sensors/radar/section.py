@@ -25,7 +25,7 @@ class RadarSensor(MountedSection):
 
     preset: Reference | None = Field(
         None,
-        description=f"a kind of radar ({', '.join(RADAR_PRESETS)}); other keys given here override its values",
+        description=f"a kind of radar ({', '.join(RADAR_PRESETS)}); other keys here override its values",
     )
     x_m: MountingM = Field(2.3, description="mounting position forward of the vehicle's centre")
     y_m: MountingM = Field(0.0, description="mounting position to the left of the vehicle's centre")
@@ -69,8 +69,8 @@ class RadarSensor(MountedSection):
     )
     swerling: Literal[0, 1, 3] = Field(
         1,
-        description="Swerling's case of the fluctuation of road users from scan to scan (2 and 4 are within a "
-        "scan, which is a single look)",
+        description="Swerling's case of the fluctuation of road users from scan to scan (2 and 4 are within "
+        "a scan, which is a single look)",
     )
     ground_reflection: Probability = Field(
         0.3, description="amplitude reflected by the road, for multipath; 0: none"

@@ -96,7 +96,7 @@ class RadarChange:
     def _boxes(self, recorded: RecordedRadar, scan: StampedScan, truth: dict[str, GroundTruth]) -> Boxes:
         if recorded.vehicle not in truth:
             raise UsageError(
-                f"{self._reader.path} has no true road users of {recorded.vehicle}, by which this attack aims; "
+                f"{self._reader.path} has no true road users of {recorded.vehicle}, by which it aims; "
                 "record the drive with a LiDAR on it"
             )
         return truth[recorded.vehicle].boxes(scan.stamp_ns, scan.frame_id)
@@ -132,7 +132,8 @@ def attacked_radars(bag: str, spec: AttackSpec, radars: Sequence[RecordedRadar])
     own = [one for one in radars if one.vehicle == victim]
     if not own:
         raise UsageError(
-            f"{spec.type}: {victim} has no radar in {bag}; {known_names(victim, vehicles, 'those with radars')}"
+            f"{spec.type}: {victim} has no radar in {bag}; "
+            f"{known_names(victim, vehicles, 'those with radars')}"
         )
     name = resolved_parameters(spec, RADAR_ATTACKS.find(spec.type)).get("radar", "")
     chosen = [one for one in own if name in ("", one.name)]

@@ -23,11 +23,11 @@ from advpipe.stages.attack.radar.base import (
 
 @dataclass(frozen=True, kw_only=True)
 class RadarDelete(RadarAttack):
-    """Removes the returns of one road user, as a device on it that answers with the opposite phase (false negative
-    of Hunt et al., MadRadar, NDSS 2024).
+    """Removes the returns of one road user, as a device on it that answers with the opposite phase would (the
+    false negatives of Hunt et al., MadRadar, NDSS 2024).
 
-    target: id of the road user; without one, that with returns that is nearest at the first attacked scan of a
-    span. margin_m: returns so near its box vanish too. probability: that a return is cancelled. radar: the
+    target: id of the road user; without one, that with returns that is nearest at the first attacked scan of
+    a span. margin_m: returns so near its box vanish too. probability: that a return is cancelled. radar: the
     name of the attacked one; all of the victim without a name.
     """
 

@@ -13,12 +13,12 @@ from advpipe.stages.attack.radar.base import AttackedScan, RadarAttack, RadarTra
 
 @dataclass(frozen=True, kw_only=True)
 class RadarJam(RadarAttack):
-    """Raises the noise floor: the CFAR's threshold rises with it, so that weak targets vanish, strong ones are
-    measured less well, and false alarms stay as many (Yan, Xu and Liu, Can you trust autonomous vehicles, DEF
-    CON 24, 2016).
+    """Raises the noise floor: the CFAR's threshold rises with it, so that weak targets vanish, strong ones
+    are measured less well, and false alarms stay as many (Yan, Xu and Liu, Can you trust autonomous vehicles,
+    DEF CON 24, 2016).
 
-    noise_rise_db: by how much; 20 dB shorten the range of detection by a factor of 3.2. radar: the name of the
-    attacked one; all of the victim without a name.
+    noise_rise_db: by how much; 20 dB shorten the range of detection by a factor of 3.2. radar: the name of
+    the attacked one; all of the victim without a name.
     """
 
     traits = RadarTraits()

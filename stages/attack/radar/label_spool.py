@@ -22,7 +22,7 @@ class LabelSpool:
     def __init__(self) -> None:
         self.actions: Counter[str] = Counter()
         self._waiting: list[Mapping[str, object]] = []
-        self._file = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)
+        self._file = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)  # noqa: SIM115  # closed by copy_to
         self._writer: Any = None
 
     def add(self, rows: Sequence[Mapping[str, object]]) -> None:

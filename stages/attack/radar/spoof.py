@@ -25,13 +25,13 @@ NEAREST_M = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class RadarSpoof(RadarAttack):
-    """Adds the returns of a forged car, whose range and Doppler agree (false positive of Hunt et al., MadRadar,
-    NDSS 2024; Komissarov and Wool, Spoofing attacks against vehicular FMCW radar, 2021).
+    """Adds the returns of a forged car, whose range and Doppler agree (the false positives of Hunt et al.,
+    MadRadar, NDSS 2024; Komissarov and Wool, Spoofing attacks against vehicular FMCW radar, 2021).
 
     range_m: of the forged car at the first attacked scan. azimuth_deg: where it appears; positive is left.
-    closing_mps: how fast it comes nearer; it stops at 2 m. rcs_dbsm: as what it appears; 10 is the rear of a car.
-    returns: at most so many points of its rear; those that the radar's threshold and resolution leave are
-    added. radar: the name of the attacked one; all of the victim without a name.
+    closing_mps: how fast it comes nearer; it stops at 2 m. rcs_dbsm: as what it appears; 10 is the rear of a
+    car. returns: at most so many points of its rear; those that the radar's threshold and resolution leave
+    are added. radar: the name of the attacked one; all of the victim without a name.
     """
 
     traits = RadarTraits()

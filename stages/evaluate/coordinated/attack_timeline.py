@@ -1,4 +1,4 @@
-"""Which fixes, messages, clouds and radar scans of one adversarial bag were attacked when, by the attacked vehicle."""
+"""Which fixes, messages, clouds and radar scans of an adversarial bag were attacked when, by vehicle."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ Int64 = npt.NDArray[np.int64]
 class AttackTimeline:
     """The attacks of one family on one vehicle.
 
-    attacks: their names. what: "fixes", "messages", "clouds" or "scans". times_ns: (N,) of each one, ascending, N > 0.
+    attacks: their names. what: "fixes", "messages", "clouds" or "scans". times_ns: (N,) of each one,
+    ascending, N > 0.
     """
 
     vehicle: str

@@ -30,12 +30,17 @@ CONDITIONS = ("clean", "adv", "random")
 RANGES = {"0-50": (0.0, 50.0), "50-100": (50.0, 100.0), "100+": (100.0, np.inf)}
 
 
+def _empty_counts() -> dict[str, Counter[tuple[str, str]]]:
+    return {condition: Counter() for condition in CONDITIONS}
+
+
 @dataclass
 class ScanTotals:
     """Sums over the attacked scans of a radar, by condition.
 
-    touched: by action. objects, found, lost: by class and range. stamps_ns, shares, ghost_series: of each
-    scan in the window, attacked or not: the share of road users in view that are detected, and ghosts.
+    touched: by action. objects, found, lost: by class and range. times_ns, found_series, ghost_series: of
+    each scan in the window, attacked or not: road users in view that are detected, and ghosts, clean and
+    attacked.
     """
 
     attacks: set[str] = field(default_factory=set)
@@ -45,8 +50,8 @@ class ScanTotals:
     returns: Counter[str] = field(default_factory=Counter)
     ghosts: Counter[str] = field(default_factory=Counter)
     objects: Counter[tuple[str, str]] = field(default_factory=Counter)
-    found: Counter[tuple[str, str, str]] = field(default_factory=Counter)
-    lost: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    found: dict[str, Counter[tuple[str, str]]] = field(default_factory=_empty_counts)
+    lost: dict[str, Counter[tuple[str, str]]] = field(default_factory=_empty_counts)
     times_ns: list[int] = field(default_factory=list)
     attacked_ns: list[int] = field(default_factory=list)
     found_series: list[tuple[int, int]] = field(default_factory=list)
@@ -147,9 +152,9 @@ def _add(
         if is_attacked:
             totals.returns[condition] += len(returns)
             totals.ghosts[condition] += ghosts[condition]
-            totals.found.update((condition, *keys[index]) for index in np.flatnonzero(found[condition]))
+            totals.found[condition].update(keys[index] for index in np.flatnonzero(found[condition]))
             lost = np.flatnonzero(found["clean"] & ~found[condition])
-            totals.lost.update((condition, *keys[index]) for index in lost)
+            totals.lost[condition].update(keys[index] for index in lost)
     totals.found_series.append((int(found["clean"].sum()), int(found["adv"].sum())))
     totals.ghost_series.append((ghosts["clean"], ghosts["adv"]))
 
@@ -161,7 +166,7 @@ def _scan_pairs(
     topics = VehicleTopics(recorded.vehicle)
     if topics.objects.name not in clean.topics or topics.true_odometry.name not in clean.topics:
         raise UsageError(
-            f"{clean.path} has no true road users of {recorded.vehicle}, by which radars are evaluated; record "
+            f"{clean.path} has no true road users of {recorded.vehicle}, by which radars are scored; record "
             "the drive with a LiDAR on it"
         )
     truth = GroundTruth(clean, topics, topics.objects.name)

@@ -15,7 +15,13 @@ from advpipe.pipeline.results.radar import RadarDetectionRecord, RadarRecord
 from advpipe.pipeline.sensors.radar.association import MOVING_MPS
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.radar.picture import draw_radar
-from advpipe.stages.evaluate.radar.scan_scores import RANGES, ScanTotals, labelled_scans, score_scans
+from advpipe.stages.evaluate.radar.scan_scores import (
+    CONDITIONS,
+    RANGES,
+    ScanTotals,
+    labelled_scans,
+    score_scans,
+)
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import picture_of
 from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
@@ -33,8 +39,8 @@ FORMULAS = (
     ),
     Formula(
         "radar_ghosts",
-        f"returns of a scan whose radial velocity over the ground is above {MOVING_MPS:g} m/s and that are at no "
-        "road user's box: mirror images, false alarms, and what an attack added",
+        f"returns of a scan whose radial velocity over the ground is above {MOVING_MPS:g} m/s, and "
+        "that are at no road user's box: mirror images, false alarms, and what an attack added",
         ("ghosts_clean", "ghosts", "ghosts_random"),
         title="Ghosts",
     ),
@@ -51,10 +57,10 @@ FORMULAS = (
 def radar_sections(
     clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
 ) -> tuple[ReportSection, ...]:
-    """Two sections on all radars whose scans attacks touched: detection and ghosts; none where there are none.
+    """Two sections on all radars whose scans attacks touched, ghosts and detection; none without any.
 
-    window: the part of the drive that is evaluated. seed: of the random baseline. Raises AdvpipeError for bags
-    whose scans do not belong together.
+    window: the part of the drive that is evaluated. seed: of the random baseline. Raises AdvpipeError for
+    bags whose scans do not belong together.
     """
     reader = BagReader(clean)
     start_ns = min((int(t[0]) for t in map(reader.log_times_ns, reader.topics) if len(t)), default=0)
@@ -126,8 +132,8 @@ def _detections(bag: str, recorded: RecordedRadar, totals: ScanTotals) -> Iterat
             ]
             if not chosen:
                 continue
-            found = {c: sum(totals.found[c, *key] for key in chosen) for c in ("clean", "adv", "random")}
-            lost = {c: sum(totals.lost[c, *key] for key in chosen) for c in ("adv", "random")}
+            found = {c: sum(totals.found[c][key] for key in chosen) for c in CONDITIONS}
+            lost = {c: sum(totals.lost[c][key] for key in chosen) for c in CONDITIONS}
             yield RadarDetectionRecord(
                 bag=bag,
                 vehicle=recorded.vehicle,

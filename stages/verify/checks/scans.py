@@ -39,8 +39,8 @@ class _ScanPair:
 
 
 class Scans(BagCheck):
-    """Compares each scan in both bags: returns that were neither added nor removed keep their order, and those
-    without a label their bytes. The points that repeat a scan follow from it."""
+    """Compares each scan in both bags: returns that were neither added nor removed keep their order, and
+    those without a label their bytes. The points that repeat a scan follow from it."""
 
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
