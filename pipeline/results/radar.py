@@ -46,4 +46,4 @@ class RadarDetectionRecord(Listed):
     detected_random: Annotated[int, "the same of the random baseline"]
     lost: Annotated[int, "number of those detected in the clean bag that are not in the attacked bag"]
     lost_percent: Annotated[float, "lost in percent of detected_clean"]
-    lost_random_percent: Annotated[float, "the same of the random baseline"]
+    lost_random_percent: Annotated[float, "the same of the random baseline, in percent"]

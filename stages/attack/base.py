@@ -1,4 +1,4 @@
-"""What every attack declares on its class; the bases of the three families build on this."""
+"""What every attack declares on its class; the bases of the families build on this."""
 
 from __future__ import annotations
 

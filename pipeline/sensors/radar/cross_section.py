@@ -41,9 +41,9 @@ LOBE_POWER = 16
 _PATTERNS = np.array([PATTERNS[name] for name in CLASSES])
 
 GAMMA_DB = {
-    "road": -30.0,
-    "marking": -30.0,
-    "pavement": -26.0,
+    "road": -35.0,
+    "marking": -35.0,
+    "pavement": -30.0,
     "ground": -15.0,
     "vegetation": -10.0,
     "building": -6.0,

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from advpipe.pipeline.messages.radar import RETURN_DTYPE, RadarReturns
+from advpipe.pipeline.messages.radar import RadarReturns
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.radar.base import AttackedScan, RadarAttack, RadarTraits, ScanAttacker, ScanContext
+
+PLACE = ("range", "azimuth", "elevation", "velocity")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +43,7 @@ class RadarJam(RadarAttack):
             noise = rng.standard_normal((len(returns), 4)) * worse * width
             kept = np.flatnonzero(detected)
             false_powers, places = context.radar.false_alarms(rng)
-            measured = np.stack([returns[name].astype(np.float64) for name in RETURN_DTYPE.names[:4]], axis=1)
+            measured = np.stack([returns[name].astype(np.float64) for name in PLACE], axis=1)
             measured = context.radar.folded((measured + noise)[kept])
             measured[:, 0] = np.clip(measured[:, 0], 0.01, context.radar.section.range)
             powers = np.concatenate([after[kept], false_powers])

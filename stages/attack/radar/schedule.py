@@ -112,10 +112,10 @@ def _rows(clean: RadarReturns, touched: _Touched) -> Iterator[Row]:
         yield {"attack": attack, "action": REMOVED, "clean": index, **_values(clean[index])}
     for place, (attack, source) in enumerate(zip(touched.by, touched.source.tolist(), strict=True)):
         if attack:
-            action, index = (ADDED, None) if source < 0 else (CHANGED, source)
-            row = {"attack": attack, "action": action, "clean": index, "attacked": place}
-            yield row | _values(touched.returns[place])
+            row: Row = {"attack": attack, "action": ADDED if source < 0 else CHANGED, "attacked": place}
+            yield row | {"clean": None if source < 0 else source} | _values(touched.returns[place])
 
 
 def _values(one: np.void) -> Row:
-    return {column: float(one[name]) for column, name in zip(MEASURED, RETURN_DTYPE.names, strict=True)}
+    names = RETURN_DTYPE.names or ()
+    return {column: float(one[name]) for column, name in zip(MEASURED, names, strict=True)}
