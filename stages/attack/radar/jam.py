@@ -19,6 +19,8 @@ class RadarJam(RadarAttack):
     are measured less well, and false alarms stay as many (Yan, Xu and Liu, Can you trust autonomous vehicles,
     DEF CON 24, 2016).
 
+    The amplitude is over the noise, so that it falls, and with it the RCS that the radar works out from it.
+
     noise_rise_db: by how much; 20 dB shorten the range of detection by a factor of 3.2. radar: the name of
     the attacked one; all of the victim without a name.
     """

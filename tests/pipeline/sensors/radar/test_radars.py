@@ -131,6 +131,17 @@ def test_a_tick_of_several_steps_scans_at_each_of_its_steps() -> None:
     assert Radars.cadences("ego", {"a": RadarSensor(sensor_tick=0.3)}, 0.1)["/ego/a/scan"].steps == 3
 
 
+def test_same_seed_same_bytes_and_each_frame_draws_anew() -> None:
+    world = BoxWorld(cars([(40, 0), (30, 5)]), rail_y_m=-4.0)
+    keys = {"false_alarm_probability": 1e-4, "swerling": 1}
+    first, second = (
+        [one.sense(instant(world, frame)).messages[0][1] for frame in range(3)]
+        for one in (radars(**keys), radars(**keys))
+    )
+    assert first == second
+    assert len({cdr[20:] for cdr in first}) == 3
+
+
 def test_what_is_in_view() -> None:
     section = RadarSensor(horizontal_fov=60.0, range=50.0)
     boxes = in_radar(cars([(40, 0), (60, 0), (20, 20), (20, 5)]))
