@@ -4,7 +4,7 @@ Scattering points on road users and on all else, with occlusion by ray casting (
 of automotive radar target lists using a novel approach of object representation, IV 2006), go through the
 radar equation into resolution cells; cells with noise that exceed the threshold of a CFAR, and are peaks, are
 detections. Not modelled: sidelobes, masking by strong targets in the CFAR's window, interference by other
-radars (see the attack `radar-jam`), and paths by way of the road beneath other vehicles.
+radars (see the attack `radar-jam`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from advpipe.pipeline.sensors.radar.aim import Aim, Aiming
 from advpipe.pipeline.sensors.radar.mirrors import barrier_facets, mirror_images
 from advpipe.pipeline.sensors.radar.propagation import Propagation
 from advpipe.pipeline.sensors.radar.resolution import are_peaks, fill_cells, folded, resolutions
-from advpipe.pipeline.sensors.radar.scatterers import Scatterers, scatterers_of
+from advpipe.pipeline.sensors.radar.scatterers import Scatterers, beneath_vehicles, scatterers_of
 from advpipe.pipeline.sensors.radar.section import RadarSensor
 from advpipe.pipeline.sensors.weather import Weather
 from advpipe.pipeline.sensors.world import Hits
@@ -53,8 +53,9 @@ class Radar:
     ) -> Scatterers:
         """What the rays hit, with mirror images in guard rails; boxes and results in the radar's frame."""
         direct = scatterers_of(aim, hits, boxes, turn_rate_radps, rng)
+        hidden = beneath_vehicles(aim, hits, boxes, turn_rate_radps, self.section.underbody_share)
         facets = barrier_facets(aim, hits) if self.section.guard_rail_reflection else np.zeros((0, 2, 2))
-        return direct + mirror_images(direct, boxes, facets, self.section.guard_rail_reflection)
+        return direct + hidden + mirror_images(direct, boxes, facets, self.section.guard_rail_reflection)
 
     def measure(
         self,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.radar.aim import Aim
 from advpipe.pipeline.sensors.radar.cross_section import clutter_rcs_m2, road_user_rcs_m2
@@ -15,6 +15,8 @@ from advpipe.pipeline.sensors.world import Hits
 
 WHEEL_SHARE = 0.1
 """Share of a vehicle's RCS that its wheels return together."""
+
+_HAS_FLOOR = np.array([name in ("car", "truck") for name in CLASSES])
 
 LEAST_M = 0.2
 """Nearer things are in the radome or on the vehicle."""
@@ -66,6 +68,33 @@ def scatterers_of(
     return _on_road_users(aim, hits, boxes, turn_rate_radps, on_user, rng) + clutter
 
 
+def beneath_vehicles(
+    aim: Aim, hits: Hits, boxes: Boxes, turn_rate_radps: Float64, share: float
+) -> Scatterers:
+    """Road users that vehicles hide, by way of the road beneath these: a share of the power of each ray."""
+    is_vehicle = np.append(_HAS_FLOOR[boxes.labels], False)  # the last for what is no road user
+    hidden = (aim.users >= 0) & ~aim.is_wheel & is_vehicle[hits.objects] & (hits.objects != aim.users)
+    rays = np.flatnonzero(hidden & (share > 0))
+    users, ahead = aim.users[rays], aim.directions[rays]
+    place_m = ahead * _range_to_box_m(ahead, boxes.geometry[users])[:, None]
+    rcs = road_user_rcs_m2(boxes.labels, aspects_rad(boxes)) * aim.shares
+    aimed = np.bincount(aim.users[(aim.users >= 0) & ~aim.is_wheel], minlength=len(boxes))
+    rcs_m2 = rcs[users] / np.maximum(aimed, 1)[users] * share
+    return _moving(boxes, users, place_m, rcs_m2, turn_rate_radps)
+
+
+def _range_to_box_m(ahead: Float64, geometry: Float64) -> Float64:
+    """Range (N,) along directions (N, 3) from the radar to the faces of boxes (N, 7) in front of it."""
+    cos, sin = np.cos(geometry[:, 6]), np.sin(geometry[:, 6])
+    local = [
+        np.stack([cos * one[:, 0] + sin * one[:, 1], cos * one[:, 1] - sin * one[:, 0], one[:, 2]], axis=1)
+        for one in (-geometry[:, :3], ahead)
+    ]
+    slopes = np.where(np.abs(local[1]) < 1e-9, 1e-9, local[1])
+    faces = [(side * geometry[:, 3:6] / 2 - local[0]) / slopes for side in (-1, 1)]
+    return np.asarray(np.maximum(np.minimum(*faces).max(axis=1), LEAST_M))
+
+
 def _on_road_users(
     aim: Aim,
     hits: Hits,
@@ -83,13 +112,25 @@ def _on_road_users(
     rcs_m2 = np.where(
         is_wheel, rcs[users] * WHEEL_SHARE / 4, rcs[users] * of_body / np.maximum(count, 1)[users]
     )
+    found = _moving(boxes, users, place_m, rcs_m2, turn_rate_radps)
+    found.velocity_mps[is_wheel] += _rim_velocity_mps(boxes, users[is_wheel], rng)
+    return found
+
+
+def _moving(
+    boxes: Boxes,
+    users: npt.NDArray[np.int64],
+    place_m: Float64,
+    rcs_m2: Float64,
+    turn_rate_radps: Float64,
+) -> Scatterers:
+    """Points (N, 3) on road users, with the velocity that each has as a part of its body."""
     centre = boxes.geometry[users]
     arm_m = place_m - centre[:, :3]
     turn = turn_rate_radps[users]
     velocity_mps = boxes.velocity_mps[users].copy()
     velocity_mps[:, 0] -= turn * arm_m[:, 1]
     velocity_mps[:, 1] += turn * arm_m[:, 0]
-    velocity_mps[is_wheel] += _rim_velocity_mps(boxes, users[is_wheel], rng)
     height_m = place_m[:, 2] - (centre[:, 2] - centre[:, 5] / 2)
     return Scatterers(place_m, velocity_mps, rcs_m2, height_m, users)
 

@@ -78,6 +78,10 @@ class RadarSensor(MountedSection):
     guard_rail_reflection: Probability = Field(
         0.5, description="power reflected by guard rails, in which road users have mirror images; 0: none"
     )
+    underbody_share: Probability = Field(
+        0.03,
+        description="share of the power that reaches what a vehicle hides, by the road beneath it; 0: none",
+    )
     scatterers: Whole = Field(16, ge=1, le=1000, description="points that sample each road user")
     wheels: Switch = Field(False, description="whether turning wheels spread the velocities of vehicles")
     max_returns: Whole = Field(

@@ -57,10 +57,29 @@ def test_scan_and_points_say_the_same() -> None:
     assert {"car0", "car1"} == set(reading.road_users)
 
 
-def test_a_hidden_car_is_not_detected() -> None:
-    boxes = cars([(20, 0), (30, 0), (30, 6)])
-    near = returns_of_boxes(RadarSensor(**QUIET), scan(radars(), BoxWorld(boxes)), in_radar(boxes), 0.3)
-    assert [len(one) > 0 for one in near] == [True, False, True]
+@pytest.mark.parametrize(("share", "is_seen"), [(0.0, False), (0.03, True)])
+def test_a_hidden_car_is_seen_beneath_the_one_before_it(share: float, is_seen: bool) -> None:
+    boxes = cars([(20, 0), (30, 0), (30, 6)], speed_mps=10.0)
+    found = scan(radars(underbody_share=share), BoxWorld(boxes))
+    near = returns_of_boxes(RadarSensor(**QUIET), found, in_radar(boxes), 0.3)
+    assert [len(one) > 0 for one in near] == [True, is_seen, True]
+    if is_seen:
+        assert found["range"][near[1]].min() == pytest.approx(30 - 2.25, abs=0.5)
+        assert found["velocity"][near[1]] == pytest.approx(10.0, abs=0.2)
+        alone = scan(radars(), BoxWorld(cars([(30, 0)], speed_mps=10.0)))
+        weaker_db = alone["amplitude"].max() - found["amplitude"][near[1]].max()
+        assert weaker_db == pytest.approx(-10 * np.log10(0.03), abs=2.5)
+
+
+def test_a_wall_hides_what_is_behind_it() -> None:
+    boxes = cars([(40, 12)])
+    keys = {"horizontal_fov": 90.0, "guard_rail_reflection": 0.0, "z_m": 0.3}
+    flat = Boxes(boxes.geometry * [1, 1, 0.3, 1, 1, 0.3, 1], boxes.labels, boxes.ids, boxes.velocity_mps)
+    section = RadarSensor(**QUIET)
+    for rail_y_m, is_seen in ((None, True), (5.0, False)):
+        found = scan(radars(**keys), BoxWorld(flat, rail_y_m=rail_y_m))
+        near = returns_of_boxes(section, found, in_radar(flat, 0.3), 0.1)
+        assert (len(near[0]) > 0) is is_seen
 
 
 def test_the_radars_place_on_a_turning_vehicle_counts() -> None:
