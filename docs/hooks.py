@@ -131,7 +131,7 @@ def catalogue(family: str) -> str:
             _v2x_row,
         ),
         "gnss": (("attack", "in the paper", "what it does"), _gnss_row),
-        "radar": (("attack", "in papers", "what it does"), _gnss_row),
+        "radar": (("attack", "what it does"), lambda name, kind: (_link(name), _summary(kind))),
     }[family]
     return _table(heads, [row(name, kind) for name, kind in _attacks(family).items()])
 
