@@ -107,6 +107,10 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.lidar.base import LidarTraits as LidarTraits
     from advpipe.stages.attack.lidar.base import PublishedFigure as PublishedFigure
     from advpipe.stages.attack.lidar.base import unchanged as unchanged
+    from advpipe.stages.attack.radar.base import AttackedScan as AttackedScan
+    from advpipe.stages.attack.radar.base import RadarAttack as RadarAttack
+    from advpipe.stages.attack.radar.base import RadarTraits as RadarTraits
+    from advpipe.stages.attack.radar.base import ScanContext as ScanContext
     from advpipe.stages.attack.summary import AttackSummary as AttackSummary
     from advpipe.stages.attack.v2x.base import AttackContext as AttackContext
     from advpipe.stages.attack.v2x.base import V2xAttack as V2xAttack
@@ -191,6 +195,7 @@ _NAMES_OF = {
     "pipeline.v2x.facilities.cam": ("Cam",),
     "pipeline.v2x.facilities.cam_tree": ("encode_cam",),
     "pipeline.v2x.facilities.ldm": ("LdmSnapshot", "Verdict"),
+    "stages.attack.radar.base": ("AttackedScan", "RadarAttack", "RadarTraits", "ScanContext"),
     "stages.attack.gnss.base": ("GnssAttack", "GnssTraits", "Spoofer", "SpoofingContext"),
     "stages.attack.lidar.base": (
         *("Budget", "LidarAttack", "LidarResult", "LidarTraits", "PublishedFigure", "unchanged"),

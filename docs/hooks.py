@@ -116,7 +116,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def catalogue(family: str) -> str:
-    """The table of all registered attacks of a family: lidar, v2x or gnss."""
+    """The table of all registered attacks of a family: lidar, v2x, gnss or radar."""
     heads, row = {
         "lidar": (("attack", "budget", "what it does"), _lidar_row),
         "v2x": (
@@ -131,6 +131,7 @@ def catalogue(family: str) -> str:
             _v2x_row,
         ),
         "gnss": (("attack", "in the paper", "what it does"), _gnss_row),
+        "radar": (("attack", "what it does"), lambda name, kind: (_link(name), _summary(kind))),
     }[family]
     return _table(heads, [row(name, kind) for name, kind in _attacks(family).items()])
 
@@ -167,6 +168,7 @@ def figures(section: str) -> str:
     from advpipe.stages.evaluate.coordinated import section as coordinated
     from advpipe.stages.evaluate.kitti import section as kitti
     from advpipe.stages.evaluate.localisation import section as localisation
+    from advpipe.stages.evaluate.radar import section as radar
     from advpipe.stages.evaluate.report import attack_detection
     from advpipe.stages.evaluate.report.report import DEFINITIONS
     from advpipe.stages.evaluate.v2x import section as v2x
@@ -179,6 +181,7 @@ def figures(section: str) -> str:
         "v2x": v2x.FORMULAS,
         "cooperative": cooperative.FORMULAS,
         "coordinated": coordinated.FORMULAS,
+        "radar": radar.FORMULAS,
     }[section]
     rows = [
         (each.name.replace("_", " "), _code(each.keys), _escaped(each.meaning.replace("{of_what}", "drive")))
@@ -204,9 +207,11 @@ def keys(section: str) -> str:
 def _attacks(family: str) -> Mapping[str, type[Attack]]:
     from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
     from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
+    from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
     from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
-    return {"lidar": LIDAR_ATTACKS, "v2x": V2X_ATTACKS, "gnss": GNSS_ATTACKS}[family]
+    known = {"lidar": LIDAR_ATTACKS, "v2x": V2X_ATTACKS, "gnss": GNSS_ATTACKS, "radar": RADAR_ATTACKS}
+    return known[family]
 
 
 def _lidar_row(name: str, kind: Any) -> tuple[str, ...]:

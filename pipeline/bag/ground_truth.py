@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,11 @@ class GroundTruth:
             topics.ignored_objects.name,
             topics.label_coverage.name,
         )
+
+    @property
+    def stamps_ns(self) -> Container[int]:
+        """The header stamps of the boxes that it remembers."""
+        return self._boxes.keys()
 
     def boxes(self, stamp_ns: int, lidar_frame: str) -> Boxes:
         """The boxes with this header stamp, in the LiDAR's frame; all their messages were taken before."""

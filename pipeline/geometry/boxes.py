@@ -64,6 +64,16 @@ class Boxes:
         return Boxes(geometry, self.labels, self.ids, self.velocity_mps @ a_SE3_b[:3, :3].T)
 
 
+def joined_boxes(*several: Boxes) -> Boxes:
+    """All boxes of one frame, in order."""
+    return Boxes(
+        np.concatenate([each.geometry for each in several]),
+        np.concatenate([each.labels for each in several]),
+        tuple(name for each in several for name in each.ids),
+        np.concatenate([each.velocity_mps for each in several]),
+    )
+
+
 SLACK_M = 0.01
 """Tolerance for the rounding of single-precision coordinates when cells are looked up."""
 

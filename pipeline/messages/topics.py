@@ -97,6 +97,14 @@ class VehicleTopics:
         """What the source has labelled in a camera's images."""
         return Topic(f"/{self.vehicle}/ground_truth/{camera}/labels", "advpipe_msgs/msg/ImageLabelArray")
 
+    def radar_scan(self, radar: str) -> Topic:
+        """The detections of a radar."""
+        return Topic(f"/{self.vehicle}/{radar}/scan", "radar_msgs/msg/RadarScan", keep_last(5))
+
+    def radar_points(self, radar: str) -> Topic:
+        """The same as points with velocity and RCS, for viewers."""
+        return Topic(f"/{self.vehicle}/{radar}/points", "sensor_msgs/msg/PointCloud2", keep_last(5))
+
     @property
     def true_odometry(self) -> Topic:
         return Topic(f"/{self.vehicle}/ground_truth/odometry", "nav_msgs/msg/Odometry")

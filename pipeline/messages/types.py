@@ -12,7 +12,9 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-_PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpipe_msgs": "msg"}
+_PACKAGE_FOLDERS = {name: name for name in ("vision_msgs", "udp_msgs", "radar_msgs")} | {
+    "advpipe_msgs": "msg"
+}
 _LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 _CAM_PACKAGE = "etsi_its_cam_msgs/"
 

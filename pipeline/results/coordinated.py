@@ -10,20 +10,22 @@ from advpipe.pipeline.results.listed import Flat, LeftOut, Listed
 
 @dataclass(frozen=True)
 class AttacksByTarget:
-    """The attacks on a vehicle's fixes, messages and clouds."""
+    """The attacks on a vehicle's fixes, messages, clouds and radar scans."""
 
     fixes: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on GNSS fixes"] = None
     messages: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on messages"] = None
     clouds: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on clouds"] = None
+    scans: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on radar scans"] = None
 
 
 @dataclass(frozen=True)
 class AttackedCounts:
-    """How many fixes, messages and clouds were attacked."""
+    """How many fixes, messages, clouds and radar scans were attacked."""
 
     fixes: Annotated[int | None, LeftOut(), "number of attacked GNSS fixes"] = None
     messages: Annotated[int | None, LeftOut(), "number of attacked messages"] = None
     clouds: Annotated[int | None, LeftOut(), "number of attacked clouds"] = None
+    scans: Annotated[int | None, LeftOut(), "number of attacked radar scans"] = None
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class TogetherMetrics:
     lacks the topic.
 
     own_place_m: the error of the vehicle's own position estimate. map_wrong: entries of its map that are
-    false, missing or displaced. points_touched, objects_missed: in a cloud.
+    false, missing or displaced. points_touched, objects_missed: in a cloud. returns_touched: in a scan.
     """
 
     from_s: Annotated[
@@ -53,6 +55,10 @@ class TogetherMetrics:
         float | None, LeftOut(), "mean number of changed points per cloud in the clean bag: 0"
     ] = None
     points_touched: Annotated[float | None, LeftOut(), "the same in the attacked bag"] = None
+    returns_touched_clean: Annotated[
+        float | None, LeftOut(), "mean number of changed returns per attacked scan in the clean bag: 0"
+    ] = None
+    returns_touched: Annotated[float | None, LeftOut(), "the same in the attacked bag"] = None
     objects_missed_clean: Annotated[
         float | None,
         LeftOut(),
@@ -63,7 +69,7 @@ class TogetherMetrics:
 
 @dataclass(frozen=True)
 class CoordinatedRecord(Listed):
-    """Attacks of two kinds or three on one vehicle in one bag; together: None where they never meet."""
+    """Attacks of several kinds on one vehicle in one bag; together: None where they never meet."""
 
     bag: Annotated[str, "adversarial bag"]
     vehicle: Annotated[str, "attacked vehicle"]

@@ -18,6 +18,7 @@ from advpipe.pipeline.results.listed import Flat, LeftOut, described_fields, key
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.metrics import CRITERIA, CloudMetrics, Precisions, RecountedMetrics
 from advpipe.pipeline.results.origin import ResultsOrigin
+from advpipe.pipeline.results.radar import RadarDetectionRecord, RadarRecord
 from advpipe.pipeline.results.records import (
     AttackDetectionRecord,
     BaselineRecord,
@@ -61,6 +62,8 @@ def report_schema() -> Schema:
         "v2x": V2xRecord,
         "cooperative": CooperativeRecord,
         "coordinated": CoordinatedRecord,
+        "radar": RadarRecord,
+        "radar_detection": RadarDetectionRecord,
     }
     required = ["average_precision", "warnings", "formulas", "provenance", "rows", "schema"]
     schema: Schema = {

@@ -7,10 +7,12 @@ from typing import Any
 
 from advpipe.pipeline.sensors.lidar.lidars import Lidars
 from advpipe.pipeline.sensors.onboard import Gnss, Imu, WheelOdometry
+from advpipe.pipeline.sensors.radar.radars import Radars
 from advpipe.pipeline.sensors.sensor import Sensor
 
 SENSORS: Mapping[str, type[Sensor[Any]]] = {
     "lidars": Lidars,
+    "radars": Radars,
     "gnss": Gnss,
     "imu": Imu,
     "wheel_odometry": WheelOdometry,

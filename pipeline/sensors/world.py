@@ -16,6 +16,13 @@ Offer = Literal["road users", "rays"]
 """Names a method of `Surroundings`: sensors declare which they need, and a world which it offers."""
 
 
+SURFACES = (
+    "road", "marking", "pavement", "ground", "vegetation", "building", "pole", "sign", "barrier",
+    "vehicle", "person", "other",
+)  # fmt: skip
+"""What a ray hits, as far as a radar distinguishes it."""
+
+
 @dataclass(frozen=True)
 class Hits:
     """The first hit of each of R rays.
@@ -37,6 +44,11 @@ class Hits:
     transmission: Float32
     objects: npt.NDArray[np.int32]
     occlusion: Float32
+
+    @property
+    def surfaces(self) -> npt.NDArray[np.uint8] | None:
+        """Index into `SURFACES` (R,), arbitrary where a ray hits nothing; None in a world that names none."""
+        return None
 
 
 class Surroundings(Protocol):

@@ -1,4 +1,4 @@
-"""What every attack declares on its class; the bases of the three families build on this."""
+"""What every attack declares on its class; the bases of the families build on this."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ class PublishedPreset:
 
 
 class Attack(ABC):
-    """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack` or `GnssAttack`.
+    """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack`, `GnssAttack` or
+    `RadarAttack`.
 
     A class that lacks what its base requires is refused when it is registered or loaded. family: follows from
     the base class. family_title: what the family's attacks change, for users. usual_options: of the command

@@ -10,6 +10,7 @@ from advpipe.stages.attack.gnss.base import GnssAttack
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.build import build_lidar_attack
 from advpipe.stages.attack.parameters import resolved_parameters
+from advpipe.stages.attack.radar.base import RadarAttack
 from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.v2x.base import V2xAttack
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
@@ -26,7 +27,7 @@ def declaration_of(spec: AttackSpec) -> Declaration:
             bounds = checked_bounds(spec.type, attack_class, build_lidar_attack(spec).bounds)
             own = tuple(each for each in lidar_traits(attack_class).quantities if each.name in bounds)
             return Declaration(family=attack_class.family, bounds=bounds, quantities=own)
-        assert issubclass(attack_class, GnssAttack)
+        assert issubclass(attack_class, (GnssAttack, RadarAttack))
         bounds = checked_bounds(
             spec.type, attack_class, attack_class(**resolved_parameters(spec, attack_class)).bounds
         )

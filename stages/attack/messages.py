@@ -21,8 +21,9 @@ def change_messages(
     v2x: Sequence[AttackSpec],
     seed: int,
     debug: DebugMessages | None = None,
+    radar: Sequence[AttackSpec] = (),
 ) -> list[Change]:
-    """The changes that the attacks of both families make to a bag's messages; no topic belongs to two.
+    """The changes that the attacks of these families make to a bag's messages; no topic belongs to two.
 
     debug: takes what viewers show of the attacks. Raises AdvpipeError for a bag that lacks what they attack.
     """
@@ -44,4 +45,8 @@ def change_messages(
 
         dcc_reacts = any(spec.dcc_reacts for spec in v2x)
         changes.append(forge(reader, v2x, seed, editors, dcc_reacts=dcc_reacts, debug=debug))
+    if radar:
+        from advpipe.stages.attack.radar.change import attack_radars
+
+        changes.append(attack_radars(reader, radar, seed))
     return changes

@@ -38,6 +38,8 @@ MESSAGES = (
     "pipeline/localisation",
     "pipeline/scenario",
     "pipeline/core/seeding.py",
+    "pipeline/sensors/radar",
+    "pipeline/sensors/world.py",
     "pipeline/v2x",
     "pipeline/misbehaviour/roads.py",
     "stages/attack",

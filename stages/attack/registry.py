@@ -13,27 +13,36 @@ from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 from advpipe.stages.attack.plugin import plugin_attack
+from advpipe.stages.attack.radar.base import RadarAttack
+from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
 from advpipe.stages.attack.v2x.base import V2xAttack
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
-BASES: tuple[type[Attack], ...] = (GnssAttack, V2xAttack, LidarAttack)
+BASES: tuple[type[Attack], ...] = (GnssAttack, V2xAttack, LidarAttack, RadarAttack)
+
+
+FAMILY_REGISTRIES: tuple[Mapping[str, type[Attack]], ...] = (
+    *(LIDAR_ATTACKS, GNSS_ATTACKS, V2X_ATTACKS),
+    RADAR_ATTACKS,
+)
+"""In the order in which users see them."""
 
 
 class _Attacks(Mapping[str, type[Attack]]):
-    """The attacks of the three families; a family's classes are imported when it is searched."""
+    """The attacks of all families; a family's classes are imported when it is searched."""
 
     def __getitem__(self, name: str) -> type[Attack]:
-        families: tuple[Mapping[str, type[Attack]], ...] = (GNSS_ATTACKS, V2X_ATTACKS, LIDAR_ATTACKS)
-        for family in families:
+        for family in FAMILY_REGISTRIES:
             if name in family:
                 return family[name]
         raise KeyError(name)
 
     def __iter__(self) -> Iterator[str]:
-        yield from (*LIDAR_ATTACKS, *GNSS_ATTACKS, *V2X_ATTACKS)
+        for family in FAMILY_REGISTRIES:
+            yield from family
 
     def __len__(self) -> int:
-        return len(LIDAR_ATTACKS) + len(GNSS_ATTACKS) + len(V2X_ATTACKS)
+        return sum(map(len, FAMILY_REGISTRIES))
 
 
 ATTACKS: Mapping[str, type[Attack]] = _Attacks()

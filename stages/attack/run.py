@@ -55,13 +55,14 @@ def attack(
     overwrite: bool = False,
     workers: int | None = None,
 ) -> AttackSummary:
-    """Carry out the attacks of a request on a bag, GPS before V2X before LiDAR, and write the bag they make.
+    """Carry out the attacks of a request on a bag and write the bag they make.
 
-    Every message that is not attacked is copied byte for byte. Frames that are not chosen are left out, or
-    their clouds alone where messages are attacked too. Beside the bag in the folder `out` lie attack.yaml
-    (the resolved request) and Parquet files with the labels: labels.parquet and frames.parquet of
-    clouds (see `labels.clouds`), and those of each change of messages. Debug topics (`messages.debug`) show
-    viewers what was attacked, unless the request leaves them out; those of the given bag are not copied.
+    GPS comes first, then V2X, radar and LiDAR. Every message that is not attacked is copied byte for byte.
+    Frames that are not chosen are left out, or their clouds alone where messages are attacked too. Beside the
+    bag in the folder `out` lie attack.yaml (the resolved request) and Parquet files with the labels:
+    labels.parquet and frames.parquet of clouds (see `labels.clouds`), and those of each change of messages.
+    Debug topics (`messages.debug`) show viewers what was attacked, unless the request leaves them out; those
+    of the given bag are not copied.
     An interrupted run resumes where it stopped. The bytes are the same for any number of worker processes
     (default: one for each core, or one where a GPU takes several clouds at once), and whether it ran in one
     go or in pieces.
@@ -86,11 +87,14 @@ def attack(
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
-    gnss, v2x = request.of("gnss"), request.of("v2x")
-    with plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x))), open_job(out, resolved) as job:
+    gnss, v2x, radar = request.of("gnss"), request.of("v2x"), request.of("radar")
+    with (
+        plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar))),
+        open_job(out, resolved) as job,
+    ):
         debug = DebugMessages() if request.debug else None
         with working_on(MESSAGES):
-            changes = change_messages(reader, gnss, v2x, request.seed, debug)
+            changes = change_messages(reader, gnss, v2x, request.seed, debug, radar)
         messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)

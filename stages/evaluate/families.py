@@ -17,6 +17,7 @@ from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.kitti.section import kitti_sections as kitti
 from advpipe.stages.evaluate.localisation.section import localisation_sections as localisation
 from advpipe.stages.evaluate.options import Options
+from advpipe.stages.evaluate.radar.section import radar_sections as radar
 from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.section import ReportSection
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
@@ -40,7 +41,7 @@ def added_sections(
     judged = partial(v2x, detectors=options.misbehaviour)
     sections = [
         section
-        for family in (seen, localisation, judged)
+        for family in (seen, localisation, judged, radar)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
     if window.end_ns is not None:

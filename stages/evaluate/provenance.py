@@ -55,6 +55,8 @@ REPORTING = (
     "pipeline/localisation",
     "pipeline/misbehaviour",
     "pipeline/scenario/attacks.py",
+    "pipeline/sensors/radar",
+    "pipeline/sensors/world.py",
     "pipeline/v2x",
     "stages/evaluate",
 )

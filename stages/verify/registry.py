@@ -19,6 +19,7 @@ from advpipe.stages.verify.checks.qos import QualityOfService
 from advpipe.stages.verify.checks.rates import Rates
 from advpipe.stages.verify.checks.receptions import ReceptionsCheck
 from advpipe.stages.verify.checks.reports import Reports
+from advpipe.stages.verify.checks.scans import Scans
 from advpipe.stages.verify.checks.scenario import ScenarioFiles
 from advpipe.stages.verify.checks.signature import Signature
 from advpipe.stages.verify.checks.time import Time
@@ -46,6 +47,7 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "points": Points,
     "cams": CamsCheck,
     "fixes": Fixes,
+    "scans": Scans,
     "debug": DebugTopics,
 }
 

@@ -26,6 +26,7 @@ from advpipe.pipeline.campaigns.relay.played_bag import CLOUDS, FIXES, RESOLVED,
 from advpipe.pipeline.campaigns.relay.recorder import Recorder
 from advpipe.pipeline.campaigns.relay.settings import RelaySettings, load_relay_settings, vehicle_of
 from advpipe.pipeline.campaigns.relay.summary import RelayedTopic, RelaySummary
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.progress import working_on
 from advpipe.pipeline.core.signals import Deferred, deferred
 from advpipe.pipeline.core.verbosity import notice
@@ -203,6 +204,8 @@ def _resolved(settings: RelaySettings) -> RelaySettings:
     resolved = settings.model_copy(update={"attacks": tuple(map(resolved_name, settings.attacks))})
     for spec in resolved.attacks:
         refuse_foreign_keys(relay_spec(spec))
+        if find_attack(spec.type).family == "radar":
+            raise UsageError(f"{spec.type}: relay attacks no radars; attack a recorded drive")
         declaration_of(relay_spec(spec))
     return resolved
 

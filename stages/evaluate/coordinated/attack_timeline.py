@@ -1,7 +1,8 @@
-"""Which fixes, messages and clouds of one adversarial bag were attacked when, by the attacked vehicle."""
+"""Which fixes, messages, clouds and radar scans of an adversarial bag were attacked when, by vehicle."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from advpipe.pipeline.core.bounded_parquet import ColumnType, batches, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS
 from advpipe.pipeline.labels.messages import read_labels
+from advpipe.pipeline.labels.scans import read_scan_labels
 from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.v2x.recording import read_recording
@@ -31,7 +33,8 @@ Int64 = npt.NDArray[np.int64]
 class AttackTimeline:
     """The attacks of one family on one vehicle.
 
-    attacks: their names. what: "fixes", "messages" or "clouds". times_ns: (N,) of each one, ascending, N > 0.
+    attacks: their names. what: "fixes", "messages", "clouds" or "scans". times_ns: (N,) of each one,
+    ascending, N > 0.
     """
 
     vehicle: str
@@ -54,7 +57,7 @@ def read_attack_timelines(
         _fixes(clean, reader, recorded, window.last_ns),
         _messages(reader, bag, recorded, window.end_ns),
     )
-    for one in (*fixes, *sent, *_clouds(bag)):
+    for one in (*fixes, *sent, *_clouds(bag), *_radar_scans(bag)):
         times_ns = one.times_ns[window.holds(one.times_ns)]
         if len(times_ns):
             found.setdefault(one.vehicle, []).append(replace(one, times_ns=times_ns))
@@ -112,6 +115,24 @@ def _clouds(bag: Path) -> Iterator[AttackTimeline]:
         yield AttackTimeline(
             vehicle, tuple(names), "clouds", np.array(sorted(row["stamp_ns"] for row in own))
         )
+
+
+def touched_returns(bag: Path, vehicle: str) -> dict[int, int]:
+    """How many radar returns of a vehicle were added, changed or removed at each stamp with any."""
+    rows_of_bag = (row for row in read_scan_labels(bag) if _vehicle(row["topic"]) == vehicle)
+    return dict(Counter(row["stamp_ns"] for row in rows_of_bag))
+
+
+def _radar_scans(bag: Path) -> Iterator[AttackTimeline]:
+    touched: dict[str, dict[tuple[str, int], None]] = {}
+    names: dict[str, dict[str, None]] = {}
+    for row in read_scan_labels(bag):
+        vehicle = _vehicle(row["topic"])
+        touched.setdefault(vehicle, {})[row["topic"], row["stamp_ns"]] = None
+        names.setdefault(vehicle, {})[row["attack"]] = None
+    for vehicle, scans in sorted(touched.items()):
+        times_ns = np.array(sorted(stamp_ns for _, stamp_ns in scans), np.int64)
+        yield AttackTimeline(vehicle, tuple(names[vehicle]), "scans", times_ns)
 
 
 def _cloud_rows(bag: Path) -> list[dict[str, Any]]:

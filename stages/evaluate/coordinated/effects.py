@@ -14,7 +14,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.topics import V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.results.frame_row import FrameRow
 from advpipe.stages.evaluate.cooperative.pair import poses
-from advpipe.stages.evaluate.coordinated.attack_timeline import Int64, touched_points
+from advpipe.stages.evaluate.coordinated.attack_timeline import Int64, touched_points, touched_returns
 from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments
 from advpipe.stages.evaluate.v2x.recording import read_recording
 
@@ -96,7 +96,11 @@ def effects(
         none = Series(touched.times_ns, np.zeros(len(touched.values)))
         title, short = "points changed per cloud", "points changed\nper cloud"
         yield Effect("points_touched", title, short, 0, none, touched, True)
-
+    if changed := touched_returns(bag, vehicle):
+        touched = _series(changed).within(window)
+        none = Series(touched.times_ns, np.zeros(len(touched.values)))
+        title, short = "radar returns changed per scan", "radar returns\nchanged per scan"
+        yield Effect("returns_touched", title, short, 0, none, touched, True)
     if detected is not None and detected.vehicle == vehicle:
         before, after = (_missed(detected.frames, condition).within(window) for condition in ("clean", "adv"))
         title, short = "evaluated objects missed per cloud", "evaluated objects\nmissed per cloud"

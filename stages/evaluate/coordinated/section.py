@@ -34,7 +34,7 @@ FORMULAS = (
     ),
 )
 
-SINGLE = {"fixes": "fix", "messages": "message", "clouds": "cloud"}
+SINGLE = {"fixes": "fix", "messages": "message", "clouds": "cloud", "scans": "scan"}
 
 
 def coordinated_sections(
@@ -44,7 +44,7 @@ def coordinated_sections(
     window: Window = WHOLE_DRIVE,
     detected: Mapping[Path, DetectedFrames] | None = None,
 ) -> tuple[ReportSection, ...]:
-    """One section on the vehicles that attacks of two or three families attack in one bag; else none.
+    """One section on the vehicles that attacks of several families attack in one bag; else none.
 
     window: the part of the drive that is evaluated; bags whose attacks do not meet in it are named. `seed`
     is not used. Raises AdvpipeError for labels that cannot be read.
@@ -130,7 +130,7 @@ def _overview(lines: Sequence[tuple[str, ...]], outcomes: Sequence[tuple[str, ..
 
 
 def _has_several_families(bag: Path) -> bool:
-    """Whether a bag was attacked in two ways or three: fixes, messages, clouds."""
+    """Whether a bag was attacked in several ways: fixes, messages, clouds, scans."""
     return len({one.family for one in BagReader(bag).provenance.fields.attacks}) > 1
 
 

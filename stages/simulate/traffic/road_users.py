@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
-from advpipe.pipeline.geometry.transforms import Float64, yaw_of
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.codec.codes import ExteriorLights
 from advpipe.stages.simulate.bodies import Variant
 
@@ -39,18 +39,12 @@ def boxes_of(users: Sequence[RoadUser]) -> Boxes:
     """The true boxes of N road users in the map's frame: geometry (N, 7), labels, ids, velocities (N, 3)."""
     if not users:
         return Boxes()
-    geometry = np.array(
-        [
-            [
-                *(user.position_m + user.map_SE3_base[:3, 2] * user.variant.height_m / 2),
-                user.variant.length_m,
-                user.variant.width_m,
-                user.variant.height_m,
-                yaw_of(user.map_SE3_base),
-            ]
-            for user in users
-        ]
-    )
+    poses = np.array([user.map_SE3_base for user in users])
+    geometry = np.empty((len(users), 7))
+    bodies = (user.variant for user in users)
+    geometry[:, 3:6] = [(each.length_m, each.width_m, each.height_m) for each in bodies]
+    geometry[:, :3] = poses[:, :3, 3] + poses[:, :3, 2] * geometry[:, 5:6] / 2
+    geometry[:, 6] = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
     labels = np.array([CLASSES.index(user.variant.body.label) for user in users], dtype=np.int64)
     velocity = np.array([user.velocity_mps for user in users])
     return Boxes(geometry, labels, tuple(user.id for user in users), velocity)

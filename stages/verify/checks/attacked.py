@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_radars import recorded_radars
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.core.frame_slice import FrameSlice
-from advpipe.pipeline.labels import fixes
+from advpipe.pipeline.labels import fixes, scans
 from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import (
@@ -96,6 +97,10 @@ class AttackedBag:
             victims = {row["vehicle"] for row in rows(self.table(fixes.FILE), ["vehicle"])}
         for victim in map(VehicleTopics, victims):
             names |= {victim.gnss_fix.name, victim.odometry.name, TF.name}
+        if self.table(scans.FILE).is_file():
+            labelled = {row["topic"] for row in rows(self.table(scans.FILE), ["topic"])}
+            touched = [one for one in recorded_radars(self.clean) if one.scan_topic in labelled]
+            names |= {topic for one in touched for topic in (one.scan_topic, one.points_topic)}
         if self.has_messages:
             vehicles = {name.split("/")[1] for name in self.clean.topics if name.count("/") > 1}
             names |= {V2X_SENT.name, V2X_PACKETS.name, V2X_STATIONS.name, V2X_STATISTICS.name}

@@ -23,7 +23,7 @@ from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
 FRONT, ROOF = (VehicleTopics("ego", name).lidar_points for name in ("front", "roof"))
 SCENARIO = {
     "vehicles": {"ego": {}},
-    "sensors": {"lidars": {"roof": {"vehicle": "ego"}}, "radars": {"front": {}}, "gnss": {}, "v3x": {}},
+    "sensors": {"lidars": {"roof": {"vehicle": "ego"}}, "sonars": {"front": {}}, "gnss": {}, "v3x": {}},
 }
 
 Record = Callable[[object], BagReader]

@@ -41,7 +41,7 @@ def test_it_knows_every_criterion_and_baseline():
         (lambda report: report["provenance"].update(seed="none"), "provenance.seed"),
         (lambda report: report["provenance"]["clean"].pop("sha256"), "provenance.clean"),
         (lambda report: report.update(v2x={}), "v2x"),
-        (lambda report: report.update(radar=[]), ""),
+        (lambda report: report.update(sonar=[]), ""),
         (lambda report: report["coordinated"][0].pop("attacks"), "coordinated.0"),
         (lambda report: report["coordinated"][0].update(attacked_fixes=None), "coordinated.0.attacked_fixes"),
         (lambda report: report["coordinated"][0].update(attacked_radars=1), "coordinated.0"),

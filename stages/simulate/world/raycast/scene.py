@@ -9,7 +9,12 @@ import numpy.typing as npt
 
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.sensors.world import Hits
-from advpipe.stages.simulate.world.raycast.materials import REFLECTIVITY, RETROREFLECTIVE, TRANSMITTANCE
+from advpipe.stages.simulate.world.raycast.materials import (
+    REFLECTIVITY,
+    RETROREFLECTIVE,
+    SEMANTIC,
+    TRANSMITTANCE,
+)
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
 
 Float32 = npt.NDArray[np.float32]
@@ -32,6 +37,11 @@ class MaterialHits(Hits):
     """
 
     materials: npt.NDArray[np.uint8]
+
+    @property
+    def surfaces(self) -> npt.NDArray[np.uint8]:
+        """See `Hits`: the semantic classes of the materials."""
+        return np.asarray(SEMANTIC[self.materials])
 
     @classmethod
     def of(

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import shapely
 
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.boxes import Boxes, joined_boxes
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.world import Hits, Offer
 from advpipe.stages.simulate.bodies import Variant
@@ -57,6 +57,7 @@ class RaycastWorld:
         ]
         self._static = Scene(merge(static))
         self._bodies = InstancedBodies(variants, body_meshes(variants, scenario.bodies))
+        self.parked_boxes = boxes_of(self.parked)
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> RaycastSurroundings:
@@ -94,7 +95,7 @@ class RaycastSurroundings:
 
     def road_users(self, range_m: float) -> Boxes:
         moving, parked = self._within(range_m)
-        return boxes_of([*moving, *(self._world.parked[index] for index in parked)])
+        return joined_boxes(boxes_of(moving), self._world.parked_boxes[parked])
 
     def cast(self, rays: Float32, range_m: float) -> Hits:
         moving, parked = self._within(range_m)

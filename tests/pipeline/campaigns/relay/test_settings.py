@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from advpipe.pipeline.campaigns.relay.options import RelayOptions
+from advpipe.pipeline.campaigns.relay.run import relay
 from advpipe.pipeline.campaigns.relay.settings import load_relay_settings, relay_schema_json
 from advpipe.pipeline.core.errors import UsageError
 
@@ -46,6 +48,14 @@ def test_refusals_are_one_line(tmp_path: Path, text: str, line: str) -> None:
     assert line in str(found.value)
     assert str(found.value).startswith(str(tmp_path))
     assert "\n" not in str(found.value)
+
+
+def test_attacks_on_radars_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "relay.yaml"
+    path.write_text("attacks: {type: radar-jam}\n", encoding="utf-8")
+    with pytest.raises(UsageError, match="radar-jam: relay attacks no radars; attack a recorded drive"):
+        relay(tmp_path / "out", RelayOptions(attack=path, ros2=True, domain=1))
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

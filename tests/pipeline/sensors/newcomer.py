@@ -1,6 +1,6 @@
-"""A radar as a newcomer would add one: this file, and its line in the registry.
+"""A sonar as a newcomer would add one: this file, and its line in the registry.
 
-python radar.py simulate drive.yaml    # advpipe with that line in the registry
+python newcomer.py simulate drive.yaml    # advpipe with that line in the registry
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from advpipe.pipeline.sensors.sensor import (
 )
 
 
-class RadarSensor(MountedSection):
+class SonarSensor(MountedSection):
     """A fan of beams to the front, at the height of the bumper."""
 
     beams: Whole = Field(15, ge=1, le=1000)
     range: RangeM = 80.0
 
 
-class Radars(MountedSensor[RadarSensor]):
-    """All radars of one vehicle: the radial velocity of what each beam meets, as the intensity of a point."""
+class Sonars(MountedSensor[SonarSensor]):
+    """All sonars of one vehicle: the radial velocity of what each beam meets, as the intensity of a point."""
 
-    title = "radar"
-    section = RadarSensor
+    title = "sonar"
+    section = SonarSensor
     needs = frozenset({"road users", "rays"})
 
-    def __init__(self, vehicle: str, sections: Mapping[str, RadarSensor], drive: DriveSettings) -> None:
+    def __init__(self, vehicle: str, sections: Mapping[str, SonarSensor], drive: DriveSettings) -> None:
         self._vehicle, self._sections, self._seed = vehicle, sections, drive.seed
         self.mounts = {name: se3_from_yaw([2.0, 0.0, 0.5], 0.0) for name in sections}
 
@@ -59,18 +59,18 @@ class Radars(MountedSensor[RadarSensor]):
             points, seen = points + len(cloud), seen | users
         return Reading(messages, len(messages), points, sorted(seen))
 
-    def _look(self, name: str, section: RadarSensor, instant: Instant):
+    def _look(self, name: str, section: SonarSensor, instant: Instant):
         bearing = np.linspace(-0.4, 0.4, section.beams)
         beams = np.stack([np.cos(bearing), np.sin(bearing), np.zeros_like(bearing)], axis=1)
-        map_SE3_radar = instant.motion.map_SE3_base @ self.mounts[name]
-        directions = beams @ map_SE3_radar[:3, :3].T
-        origin = np.broadcast_to(map_SE3_radar[:3, 3], directions.shape)
+        map_SE3_sonar = instant.motion.map_SE3_base @ self.mounts[name]
+        directions = beams @ map_SE3_sonar[:3, :3].T
+        origin = np.broadcast_to(map_SE3_sonar[:3, 3], directions.shape)
         users = instant.world.road_users(section.range)
         rays = np.concatenate([origin, directions], axis=1).astype(np.float32)
         hits = instant.world.cast(rays, section.range)
         met = np.flatnonzero(hits.range_m < section.range)
         velocities = np.concatenate([users.velocity_mps, np.zeros((1, 3))])[hits.objects[met]]
-        rng = named_generator(self._seed, "radar", self._vehicle, name, instant.frame)
+        rng = named_generator(self._seed, "sonar", self._vehicle, name, instant.frame)
         cloud = np.zeros(len(met), POINT_DTYPE)
         range_m = hits.range_m[met] + rng.normal(0, 0.1, len(met))
         cloud["x"], cloud["y"], cloud["z"] = (beams[met] * range_m[:, None]).T
@@ -88,7 +88,7 @@ class Radars(MountedSensor[RadarSensor]):
 
     @classmethod
     def cadences(
-        cls, vehicle: str, sections: Mapping[str, RadarSensor], step_s: float
+        cls, vehicle: str, sections: Mapping[str, SonarSensor], step_s: float
     ) -> Mapping[str, Cadence]:
         return {
             topic.name: Cadence(1 / step_s, 1) for name in sections for topic in cls.topics(vehicle, name)
@@ -98,7 +98,7 @@ class Radars(MountedSensor[RadarSensor]):
 if __name__ == "__main__":
     from advpipe.pipeline.sensors import registry
 
-    registry.SENSORS["radars"] = Radars  # what the newcomer writes into the registry
+    registry.SENSORS["sonars"] = Sonars  # what the newcomer writes into the registry
 
     from advpipe.pipeline.cli import app
 
