@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -137,19 +136,18 @@ class TrafficManagerDrivers:
 
     def release(self) -> None:
         """Take the vehicles back from Traffic Manager; a tick has to follow before `end`."""
-        with suppress(RuntimeError):
-            for actor in self._ours if self._manager is not None else ():
-                actor.set_autopilot(False, self._port)
+        for actor in self._ours if self._manager is not None else ():
+            actor.set_autopilot(False, self._port)
 
     def end(self) -> None:
         """Shut Traffic Manager down, and only then remove its vehicles: the other way round, it aborts."""
-        with suppress(RuntimeError):
-            if self._manager is not None:
-                self._manager.set_synchronous_mode(False)
-                self._manager.shut_down()
-        for actor in self._ours:
-            with suppress(RuntimeError):
-                actor.destroy()
+        import carla
+
+        if self._manager is not None:
+            self._manager.set_synchronous_mode(False)
+            self._manager.shut_down()
+        batch = [carla.command.DestroyActor(actor.id) for actor in self._ours]
+        self._client.apply_batch_sync(batch, False)
 
     def _spawn(self, name: str, variant: Variant) -> Any:
         blueprint = self._blueprints.choose(variant)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.world.carla.poses import ActorBox
@@ -69,9 +69,10 @@ class Blueprints:
         known = sorted(blueprint.id for blueprint in library)
         for body, blueprint in given.items():
             if blueprint not in known:
+                hint = suggestion(blueprint, known)
                 raise UsageError(
-                    f"carla.blueprints.{body} {blueprint!r} is not a blueprint of the server; "
-                    f"{known_names(blueprint, [name for name in known if not name.startswith('sensor.')])}"
+                    f"carla.blueprints.{body} {blueprint!r} is not a blueprint of the server"
+                    f"{'; ' if hint else ''}{hint}"
                 )
         self._boxes: dict[str, ActorBox] = {}
         self._by_type: dict[str, list[str]] = {}

@@ -65,9 +65,12 @@ class Feed:
             if data.frame > frame:
                 raise AdvpipeError(f"CARLA's sensor {self.name} lost frame {frame}: {data.frame} came next")
 
-    def close(self) -> None:
-        """Stop and remove the sensor; a listening one could abort the interpreter at its end."""
+    @property
+    def actor(self) -> int:
+        """The number of the sensor's actor, which somebody else removes."""
+        return int(self._actor.id)
+
+    def stop(self) -> None:
+        """Stop listening; a sensor that still listens could abort the interpreter at its end."""
         with suppress(RuntimeError):
             self._actor.stop()
-        with suppress(RuntimeError):
-            self._actor.destroy()

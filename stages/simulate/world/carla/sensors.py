@@ -107,7 +107,8 @@ class VehicleSensors:
         imu = self._data["", IMU]
         return SensedMotion(position_m, specific_force_of(imu), turn_rate_of(imu))
 
-    def close(self) -> None:
-        """Stop and remove every sensor."""
+    def stop(self) -> list[int]:
+        """Stop every sensor; the numbers of their actors, which are to be removed."""
         for feed in self._feeds.values():
-            feed.close()
+            feed.stop()
+        return [feed.actor for feed in self._feeds.values()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Any
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
@@ -65,7 +64,6 @@ class Session:
 
     def end(self) -> None:
         """Back to asynchronous mode, in which the server runs for the next client; also after errors."""
-        with suppress(RuntimeError):
-            settings = self.world.get_settings()
-            settings.synchronous_mode, settings.fixed_delta_seconds = False, None
-            self.world.apply_settings(settings)
+        settings = self.world.get_settings()
+        settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+        self.world.apply_settings(settings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Any
 
 STATES: Mapping[str, str] = {
@@ -43,6 +42,5 @@ class Signals:
     def release(self) -> None:
         """Let CARLA switch its lights by itself again."""
         if self._shown:
-            with suppress(RuntimeError):
-                self._world.freeze_all_traffic_lights(False)
-                self._world.reset_all_traffic_lights()
+            self._world.freeze_all_traffic_lights(False)
+            self._world.reset_all_traffic_lights()

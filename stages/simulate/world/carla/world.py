@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from types import TracebackType
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.core.verbosity import detail, notice
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
@@ -36,6 +36,8 @@ from advpipe.stages.simulate.world.carla.weather import carla_weather
 
 CLEANUP_TIMEOUT_S = 2.0
 """For each call after an error: the server may be gone."""
+
+LOST_TIMEOUT_S = 0.1
 
 
 class CarlaWorld:
@@ -85,20 +87,20 @@ class CarlaWorld:
         scenario, step_s = self._scenario, self._scenario.simulation.step_s
         world = load_map(self._client, scenario, self._network)
         self._session = Session(self._client, world, step_s)
-        opened.callback(self._session.end)
+        opened.callback(self._attempt, self._session.end)
         self._session.begin()
         world.set_weather(carla_weather(scenario.environment.weather))
         blueprints = Blueprints(world.get_blueprint_library(), scenario.carla.blueprints)
         blueprints.measure(self._client, world, self._variants.values())
         self._drivers = TrafficManagerDrivers(self._client, world, scenario, blueprints)
-        opened.callback(self._drivers.end)
+        opened.callback(self._attempt, self._drivers.end)
         self._drivers.begin(self._variants)
         self._signals = Signals(world)
-        opened.callback(self._signals.release)
+        opened.callback(self._attempt, self._signals.release)
         self._mirror = Mirror(self._client, blueprints, step_s)
-        opened.callback(self._remove_mirrored)
-        opened.callback(self._drivers.release)
-        opened.callback(self._close_sensors)
+        opened.callback(self._attempt, self._remove_mirrored)
+        opened.callback(self._attempt, self._drivers.release)
+        opened.callback(self._attempt, self._remove_sensors)
         self._carla_actors = CarlaActors(world, self._variants, self._drivers.actors)
         self._session.tick()
         self._drivers.start()
@@ -164,17 +166,24 @@ class CarlaWorld:
         for sensors in self._sensors.values():
             sensors.await_first(self._session.tick, scenario.carla.timeout_s)
 
-    def _close_sensors(self) -> None:
-        for sensors in self._sensors.values():
-            sensors.close()
+    def _attempt(self, step: Callable[[], None]) -> None:
+        """One step of the clean-up. If the server is gone, its actors are, too, and nothing waits for it."""
+        try:
+            step()
+        except RuntimeError as error:
+            detail(f"CARLA: {one_line(error)}")
+            self._client.set_timeout(LOST_TIMEOUT_S)
+
+    def _remove_sensors(self) -> None:
+        import carla
+
+        actors = [actor for sensors in self._sensors.values() for actor in sensors.stop()]
+        self._client.apply_batch_sync([carla.command.DestroyActor(actor) for actor in actors], False)
 
     def _remove_mirrored(self) -> None:
         """Also tick, so that Traffic Manager learns that it has been released, before it is shut down."""
-        try:
-            self._mirror.remove_all()
-            self._session.world.tick()
-        except RuntimeError:  # the server is gone, and its actors with it
-            return
+        self._mirror.remove_all()
+        self._session.world.tick()
 
 
 class CarlaSurroundings:

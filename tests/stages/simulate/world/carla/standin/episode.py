@@ -28,13 +28,20 @@ class Episode:
     """faults: `version`, and after how many ticks it is `silent_after` or has to `die_after`; `flips`."""
 
     def __init__(
-        self, library: Library, maps: Mapping[str, str], world: RaycastWorld, faults: Mapping[str, Any]
+        self,
+        library: Library,
+        maps: Mapping[str, str],
+        world: RaycastWorld,
+        spawn_points: list[Any],
+        faults: Mapping[str, Any],
     ) -> None:
+        self._spawn_points = spawn_points
         self._library, self._maps, self._world, self._faults = library, dict(maps), world, faults
         self._opendrive = ""
         self._settings = list(DEFAULTS)
         self._weather = [0.0] * 14
         self._managers: dict[int, str] = {}
+        self._history: list[Any] = []
         self._episode, self._frame, self._elapsed_s, self._ticks = 1, 100, 0.0, 0
         self._numbers = 0
         self.streams = Streams("127.0.0.1")
@@ -88,7 +95,7 @@ class Episode:
 
     def set_episode_settings(self, settings: list[Any]) -> int:
         self._settings = settings
-        print(f"synchronous {settings[0]}", flush=True)
+        self._history.append(["synchronous", settings[0]])
         return self._frame
 
     async def tick_cue(self) -> int:
@@ -107,7 +114,7 @@ class Episode:
         return [f"/Game/Carla/Maps/{name}" for name in self._maps]
 
     def get_map_info(self) -> list[Any]:
-        return [f"Carla/Maps/{self._map}", [[[0.0, 0.0, 0.5], [0.0, 0.0, 0.0]]]]
+        return [f"Carla/Maps/{self._map}", self._spawn_points]
 
     def get_map_data(self) -> str:
         return self._maps[self._map]
@@ -175,15 +182,19 @@ class Episode:
         self._actor(number).walk = control
 
     def set_vehicle_light_state(self, number: int, lights: list[int]) -> None:
-        self._actor(number).lights = lights[0]
+        actor = self._actor(number)
+        actor.lights = lights[0]
+        self._history.append(["lamps", actor.values.get("role_name", ""), lights[0]])
 
     def get_vehicle_light_states(self) -> list[list[int]]:
         return [[one.id, one.lights] for one in self._actors.values() if one.blueprint.startswith("vehicle.")]
 
     def set_traffic_light_state(self, number: int, state: int) -> None:
+        self._history.append(["light", self._actor(number).values["sign_id"], state])
         self._actor(number).signal = state
 
     def freeze_all_traffic_lights(self, frozen: bool) -> None:
+        self._history.append(["frozen", frozen])
         for actor in self._actors.values():
             actor.frozen = frozen
 
@@ -226,6 +237,32 @@ class Episode:
 
     def destroy_traffic_manager(self, port: int) -> bool:
         return self._managers.pop(port, None) is not None
+
+    # For tests; CARLA has no such calls.
+
+    def test_faults(self, faults: dict[str, Any]) -> None:
+        """Replace the faults, and count ticks anew."""
+        self._faults, self._ticks = faults, 0
+        self._instruments.flips = bool(faults.get("flips"))
+
+    def test_state(self) -> dict[str, Any]:
+        """What a test wants to know."""
+        return {
+            "synchronous": self._settings[0],
+            "map": self._map,
+            "episode": self._episode,
+            "weather": self._weather,
+            "managers": list(self._managers),
+            "actors": [[one.id, one.blueprint, one.pose.tolist()] for one in self._actors.values()],
+            "lamps": {one.values.get("role_name", ""): one.lights for one in self._actors.values()},
+            "signals": {
+                one.values["sign_id"]: [one.signal, one.frozen]
+                for one in self._actors.values()
+                if "sign_id" in one.values
+            },
+            "lidars": [one.values for one in self._actors.values() if "lidar" in one.blueprint],
+            "history": self._history,
+        }
 
     # Helpers; names with an underscore are no remote calls.
 

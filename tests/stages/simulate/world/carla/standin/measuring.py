@@ -22,12 +22,12 @@ class Instruments:
     """origin_deg: latitude and longitude of the map. flips: whether latitude grows to the north."""
 
     def __init__(self, world: RaycastWorld, origin_deg: tuple[float, float], flips: bool) -> None:
-        self._world, self._origin_deg, self._flips = world, origin_deg, flips
+        self._world, self._origin_deg, self.flips = world, origin_deg, flips
         self._rng = np.random.default_rng(0)
 
     def measure(self, sensor: Actor, bodies: Sequence[Actor], step_s: float) -> bytes:
         if sensor.blueprint == "sensor.other.gnss":
-            return msgpack.packb(geographic(sensor.pose, self._origin_deg, self._flips))
+            return msgpack.packb(geographic(sensor.pose, self._origin_deg, self.flips))
         if sensor.blueprint == "sensor.other.imu":
             return self._imu(sensor, step_s)
         return self._lidar(sensor, bodies, step_s)
@@ -63,10 +63,11 @@ class Instruments:
         rays[:, [1, 4]] *= -1  # into the right-handed world
         hits = self._world.cast(rays.astype(np.float32), [body.road_user() for body in bodies])
         kept = hits.range_m <= settings["range"]
-        intensity = np.exp(-settings.get("atmosphere_attenuation_rate", 0.0) * hits.range_m)
+        range_m = np.where(kept, hits.range_m, 0.0).astype(np.float64)
+        intensity = np.exp(-settings.get("atmosphere_attenuation_rate", 0.0) * range_m)
         if not sensor.blueprint.endswith("semantic"):
             kept &= self._is_detected(intensity, settings)
-        points = (directions * hits.range_m[:, None].astype(np.float64))[kept].astype("<f4")
+        points = (directions * range_m[:, None])[kept].astype("<f4")
         counts = kept.reshape(channels, columns).sum(axis=1).astype("<u4")
         head = struct.pack("<fI", 0.0, channels) + counts.tobytes()
         if not sensor.blueprint.endswith("semantic"):
