@@ -45,7 +45,7 @@ class Episode:
         self._episode, self._frame, self._elapsed_s, self._ticks = 1, 100, 0.0, 0
         self._numbers = 0
         self.streams = Streams("127.0.0.1")
-        self._begin(next(iter(maps)))
+        self._begin(faults.get("map", next(iter(maps))))
 
     @property
     def is_synchronous(self) -> bool:
