@@ -36,6 +36,18 @@ class Recording(Section):
 
     compression: Literal["none", "lz4", "zstd"] = Field("zstd", description="compression of the bag's chunks")
     markers: Switch = Field(True, description="record boxes as markers for RViz and Foxglove, too")
+    names: Literal["advpipe", "carla_ros_bridge"] = Field(
+        "advpipe",
+        description="names of the topics that `play` and `simulate --live` publish; the bag keeps advpipe's",
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without names that are advpipe's own: older drives are recorded with the same bytes."""
+        tree: dict[str, Any] = handler(self)
+        if self.names == "advpipe":
+            del tree["names"]
+        return tree
 
 
 class Scenario(Section):

@@ -120,7 +120,7 @@ def simulate(
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,
         plugin_errors(plugins),
-        live_stream(live) as stream,
+        live_stream(live, scenario.recording.names) as stream,
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with as_usage_error():  # so far, only files that the scenario names have been read

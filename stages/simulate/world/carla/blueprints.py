@@ -12,6 +12,7 @@ from advpipe.pipeline.core.nearest import suggestion
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.world.carla.poses import ActorBox
+from advpipe.stages.simulate.world.carla.session import Session
 
 PEDESTRIAN = "pedestrian"
 
@@ -79,7 +80,7 @@ class Blueprints:
         self._chosen: dict[str, str | None] = {}
         self._unknown: set[str] = set()
 
-    def measure(self, client: Any, world: Any, variants: Iterable[Variant]) -> None:
+    def measure(self, client: Any, session: Session, variants: Iterable[Variant]) -> None:
         """Spawn a sample of each blueprint that these bodies may get, in the air, and note their boxes.
 
         CARLA's library states no sizes. It takes two ticks.
@@ -94,16 +95,18 @@ class Blueprints:
             place = carla.Location(SAMPLE_SPACING_M * column, SAMPLE_SPACING_M * row, SAMPLE_HEIGHT_M)
             freeze = carla.command.SetSimulatePhysics(carla.command.FutureActor, False)
             batch.append(carla.command.SpawnActor(blueprint, carla.Transform(place)).then(freeze))
-        answers = client.apply_batch_sync(batch, True)
+        answers = client.apply_batch_sync(batch, False)
+        session.tick()
         found = {
             answer.actor_id: blueprint
             for answer, blueprint in zip(answers, samples, strict=True)
             if not answer.has_error()
         }
-        for actor in world.get_actors(list(found)):
+        for actor in session.world.get_actors(list(found)):
             self._boxes[actor.type_id] = ActorBox.of(actor.bounding_box)
             self._by_type.setdefault(base_type_of(found[actor.id]), []).append(actor.type_id)
-        client.apply_batch_sync([carla.command.DestroyActor(actor) for actor in found], True)
+        client.apply_batch_sync([carla.command.DestroyActor(actor) for actor in found], False)
+        session.tick()
 
     def box(self, blueprint: str) -> ActorBox:
         """The measured box of a blueprint of `choose`."""

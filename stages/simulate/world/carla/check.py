@@ -29,6 +29,9 @@ from advpipe.stages.simulate.world.carla.session import Session
 STEP_S, TICKS = 0.1, 20
 ASIDE_M = 8.0
 RAYS_ON_GRID_DEG = 0.02
+NEEDED = ("server", "map", "synchronous mode", "blueprints", "mirrored vehicles", "sensors start", "frames")
+"""Checks whose failure prevents all that follow."""
+
 CALM_MPS2 = 0.5
 LIDAR = LidarSensor(
     dropoff_general_rate=0.0, dropoff_zero_intensity=0.0, noise_stddev=0.0, upper_fov=5.0, lower_fov=-25.0
@@ -80,7 +83,7 @@ class CarlaCheck:
         findings = []
         for name, step in steps:
             findings.append(_finding(name, step))
-            if not findings[-1].is_good and step in (self._server, self._map, self._clock, self._sensors):
+            if not findings[-1].is_good and name in NEEDED:
                 break
         findings.append(_finding("asynchronous afterwards", self._end))
         return findings
@@ -112,12 +115,13 @@ class CarlaCheck:
         variants = draw_variants(named_generator(0, "check"))
         self._variants = {name: one for name, one in variants.items() if name.endswith(".0")}
         self._blueprints = Blueprints(self._world.get_blueprint_library(), self._settings.blueprints)
-        self._blueprints.measure(self._client, self._world, self._variants.values())
+        self._blueprints.measure(self._client, self._session, self._variants.values())
         chosen = {one.body.name: self._blueprints.choose(one) for one in self._variants.values()}
         missing = [body for body, blueprint in chosen.items() if blueprint is None]
         _require(chosen["sedan"] is not None, "the server has no car")
-        replaced = f"; none for {', '.join(missing)}" if missing else ""
-        return f"{', '.join(f'{body} {name}' for body, name in chosen.items() if name)}{replaced}"
+        lacking = f", none for {', '.join(missing)}" if missing else ""
+        found = len({name for name in chosen.values() if name})
+        return f"{found} for {len(chosen)} bodies, such as {chosen['sedan']}{lacking}"
 
     def _vehicles(self) -> str:
         """One vehicle, and one eight metres to its right, moved by a metre."""

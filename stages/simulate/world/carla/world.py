@@ -60,7 +60,6 @@ class CarlaWorld:
         detail("world carla: environment and traffic.parked_per_km have no effect; the scenery is CARLA's")
         self._open = ExitStack()
         self._sensors: dict[str, VehicleSensors] = {}
-        self._own: dict[int, RoadUser] = {}
         self._actors: dict[str, int] = {}
 
     def __enter__(self) -> CarlaWorld:
@@ -91,7 +90,7 @@ class CarlaWorld:
         self._session.begin()
         world.set_weather(carla_weather(scenario.environment.weather))
         blueprints = Blueprints(world.get_blueprint_library(), scenario.carla.blueprints)
-        blueprints.measure(self._client, world, self._variants.values())
+        blueprints.measure(self._client, self._session, self._variants.values())
         self._drivers = TrafficManagerDrivers(self._client, world, scenario, blueprints)
         opened.callback(self._attempt, self._drivers.end)
         self._drivers.begin(self._variants)
@@ -115,20 +114,18 @@ class CarlaWorld:
         with carla_errors(self._scenario.carla):
             self._mirror.update(users)
             self._signals.show(signals)
-            if not self._sensors:
+            if frame == 0:
                 self._attach_sensors(self._session.tick(), users)
             snapshot = self._session.tick()
             step_s = self._scenario.simulation.step_s
-            self._own = self._carla_actors.users(snapshot, self._mirror.actors.values(), step_s)
-            own = {user.id: actor for actor, user in self._own.items()}
-            self._actors = {**self._mirror.actors, **own}
-            driven = {user.id: user for user in self._own.values()}
-            poses = {user.id: user.map_SE3_base for user in (*users, *driven.values())}
+            own = self._carla_actors.users(snapshot, self._mirror.actors.values(), step_s)
+            self._actors = self._mirror.actors | {user.id: actor for actor, user in own.items()}
+            poses = {user.id: user.map_SE3_base for user in (*users, *own.values())}
+            for name in sorted(self._sensors.keys() - poses.keys()):
+                self._leave(name, snapshot.frame)
             for name, sensors in self._sensors.items():
-                if name not in poses:
-                    raise AdvpipeError(f"the actor of {name} has disappeared from CARLA at {snapshot.frame}")
                 sensors.take(snapshot.frame, frame, poses[name])
-        return list(driven.values())
+        return list(own.values())
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> CarlaSurroundings:
         return CarlaSurroundings(self, carrier, users)
@@ -157,7 +154,10 @@ class CarlaWorld:
         actors = {**mirrored, **{user.id: actor for actor, user in own.items()}}
         for name in sorted(scenario.vehicles):
             if name not in actors:
-                raise AdvpipeError(f"{name} is not in CARLA; the server has no actor with that role_name")
+                raise AdvpipeError(
+                    f"{name} is not in CARLA in the first frame: it needs a trajectory that begins at 0 s, "
+                    "and a body for which CARLA has a blueprint"
+                )
             carrier = world.get_actor(actors[name])
             box = ActorBox.of(carrier.bounding_box)
             sensors = VehicleSensors(scenario, name, name in self._drivers.actors)
@@ -165,6 +165,12 @@ class CarlaWorld:
             sensors.mount(world, carrier, box)
         for sensors in self._sensors.values():
             sensors.await_first(self._session.tick, scenario.carla.timeout_s)
+
+    def _leave(self, name: str, frame: int) -> None:
+        """A vehicle whose trajectory has ended takes its sensors along."""
+        if name in self._drivers.actors:
+            raise AdvpipeError(f"the actor of {name} has disappeared from CARLA in frame {frame}")
+        self._sensors.pop(name).stop()
 
     def _attempt(self, step: Callable[[], None]) -> None:
         """One step of the clean-up. If the server is gone, its actors are, too, and nothing waits for it."""

@@ -118,14 +118,15 @@ def test_carlas_losses_are_set_from_the_scenario(server: Any, scenario_file: Pat
 
 def test_carla_drives(server: Any, scenario_file: Path, tmp_path: Path) -> None:
     """Traffic Manager drives ego, another client's actors stand there; SUMO's traffic goes on around them."""
-    server.spawn("vehicle.standin.suv_0", 1.0, -30.0, 0.0)
-    server.spawn("walker.pedestrian.child_0", 20.0, -20.0, 0.6)
+    server.spawn("vehicle.standin.suv_0", 80.0, -80.0, 0.0)
+    server.spawn("walker.pedestrian.child_0", 100.0, -78.0, 0.6)
     server.faults(flips=True)
     keys = {"vehicles.ego.driver": "carla", "carla.traffic_manager_port": 8755}
     keys |= {
         "simulation.duration_s": 2.0,
         "sensors.lidars.lidar.z_m": 1.8,
         "sensors.lidars.lidar.lower_fov": -40,
+        "sensors.lidars.lidar.range": 150,
     }
     keys |= {"sensors.gnss": {"white_stddev_m": 0, "drift_stddev_m": 0}}
     bag = drive(tmp_path / "driven", scenario_file, server, **keys)
@@ -183,14 +184,6 @@ def test_bad_settings(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_map_that_is_loaded_is_kept(server: Any, scenario_file: Path, tmp_path: Path) -> None:
-    """With the actors on it, which may be the user's own."""
-    drive(tmp_path / "one", scenario_file, server, **{"simulation.duration_s": 0.1})
-    episode = server.state["episode"]
-    drive(tmp_path / "two", scenario_file, server, **{"simulation.duration_s": 0.1})
-    assert server.state["episode"] == episode
-
-
 def test_another_release_is_refused(server: Any, scenario_file: Path, tmp_path: Path) -> None:
     server.faults(version="0.9.15")
     with pytest.raises(UsageError, match=r"is CARLA 0\.9\.15, but 0\.9\.16 is needed"):
@@ -206,15 +199,15 @@ def test_a_second_client_that_ticks_is_noticed(server: Any, scenario_file: Path,
 
 
 def test_a_place_that_is_taken_in_the_air(server: Any, scenario_file: Path, tmp_path: Path) -> None:
-    """A body far above the whole map keeps CARLA from spawning anything there; the next height is free."""
+    """A body in the air keeps CARLA from spawning anything there; the next height is free."""
     keys = {"simulation.duration_s": 0.1}
     frames = list(read_frames(drive(tmp_path / "free", scenario_file, server, **keys)))
-    scenario = load_scenario(scenario_file)
+    episode = server.state["episode"]
     for x_m, y_m in _places(tmp_path / "free" / "clean"):
         server.spawn("vehicle.standin.semi_trailer_0", x_m, -y_m, 25.0)
     again = list(read_frames(drive(tmp_path / "taken", scenario_file, server, **keys)))
     assert set(frames[0].boxes.ids) <= set(again[0].boxes.ids)
-    assert scenario.simulation.seed == 3
+    assert server.state["episode"] == episode  # a map that is loaded already is kept, with others' actors
 
 
 def _places(bag: Path) -> list[tuple[float, float]]:
@@ -226,7 +219,7 @@ def _places(bag: Path) -> list[tuple[float, float]]:
 COMMAND = [sys.executable, "-c", "from advpipe.__main__ import main; main()"]
 
 
-@pytest.mark.parametrize("fault", ["die_after", "silent_after"])
+@pytest.mark.parametrize("fault", ["die_after", pytest.param("silent_after", marks=pytest.mark.nightly)])
 def test_a_server_that_is_lost_costs_one_line(
     fault: str, start_server: Any, scenario_file: Path, tmp_path: Path
 ) -> None:
