@@ -116,6 +116,7 @@ def test_carlas_losses_are_set_from_the_scenario(server: Any, scenario_file: Pat
     assert share == 1.0
 
 
+@pytest.mark.usefixtures("drives")  # which has the map loaded, so that actors on it stay
 def test_carla_drives(server: Any, scenario_file: Path, tmp_path: Path) -> None:
     """Traffic Manager drives ego, another client's actors stand there; SUMO's traffic goes on around them."""
     server.spawn("vehicle.standin.suv_0", 80.0, -80.0, 0.0)
