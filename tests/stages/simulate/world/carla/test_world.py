@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -247,3 +249,22 @@ def test_nothing_listens(scenario_file: Path, tmp_path: Path) -> None:
 def test_an_actor_of_carla_needs_its_world(scenario_file: Path) -> None:
     with pytest.raises(AdvpipeError, match=r"vehicles\.ego\.driver is carla, but world is raycast"):
         load_scenario(scenario_file, {"vehicles.ego.driver": "carla"})
+
+
+@pytest.mark.nightly
+def test_ctrl_c_leaves_the_server_as_it_was(server: Any, scenario_file: Path, tmp_path: Path) -> None:
+    command = [*COMMAND, "simulate", str(scenario_file), "--out", str(tmp_path / "out"), "--quiet"]
+    for setting in ("world=carla", f"carla.server={server.address}", "simulation.duration_s=300"):
+        command += ["--set", setting]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        until_s = time.monotonic() + 100
+        while not any("lidar" in one[1] for one in server.state["actors"]):
+            assert time.monotonic() < until_s
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert server.state["synchronous"] is False
+    assert server.bodies() == []
+    assert not any("sensor" in one[1] for one in server.state["actors"])
+    assert not (tmp_path / "out").exists()
