@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ class CarlaActors:
             alike,
             key=lambda one: float(np.abs(box.sizes_m - (one.length_m, one.width_m, one.height_m)).sum()),
         )
-        return replace(nearest, length_m=box.length_m, width_m=box.width_m, height_m=box.height_m)
+        return box.sized(nearest)
 
 
 class TrafficManagerDrivers:

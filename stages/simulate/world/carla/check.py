@@ -145,7 +145,7 @@ class CarlaCheck:
             mount = base @ self._lidar.base_SE3_lidar if "lidar" in blueprint else base
             self._feeds[blueprint] = Feed(self._world, carrier, blueprint, blueprint, attributes, mount)
             self._opened.callback(self._remove, self._feeds[blueprint])
-        ticks = {}
+        ticks: dict[str, int] = {}
         for tick in range(1, FIRST_TICKS + 1):
             self._session.tick()
             silent = [feed for feed in self._feeds.values() if feed.name not in ticks]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from advpipe.pipeline.geometry.carla import carla_from_se3, se3_from_carla
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3
+from advpipe.stages.simulate.bodies import Variant
 
 
 def transform_of(map_SE3_body: Float64) -> Any:
@@ -54,6 +55,10 @@ class ActorBox:
     def sizes_m(self) -> Float64:
         """Length, width and height (3,)."""
         return np.array([self.length_m, self.width_m, self.height_m])
+
+    def sized(self, variant: Variant) -> Variant:
+        """The same body in the size of this box."""
+        return replace(variant, length_m=self.length_m, width_m=self.width_m, height_m=self.height_m)
 
     def map_SE3_actor(self, map_SE3_base: Float64) -> Float64:
         """Where the actor is whose box stands at `map_SE3_base`."""

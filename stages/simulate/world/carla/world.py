@@ -17,6 +17,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.localisation.measurements import SensedMotion
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.world import Hits, Offer, Scan
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
@@ -53,7 +54,7 @@ class CarlaWorld:
         self.roads: Roads = lay_out_roads(network)
         check_step(scenario.simulation.step_s)
         for place, _, section in scenario.sensors.mounted():
-            if place.startswith("lidars."):
+            if isinstance(section, LidarSensor):
                 check_lidar(f"sensors.{place}", section)
         if scenario.v2x.radio.building_loss != "none":
             notice("CARLA's buildings are not known to the radio: v2x.radio.building_loss has no effect")
@@ -134,8 +135,7 @@ class CarlaWorld:
         """A road user in the size that it has in CARLA; None for one that CARLA does not show."""
         if user.id in self._mirror.actors:
             box: ActorBox = self._mirror.box(user.id)
-            size = {"length_m": box.length_m, "width_m": box.width_m, "height_m": box.height_m}
-            return replace(user, variant=replace(user.variant, **size))
+            return replace(user, variant=box.sized(user.variant))
         return user if user.id in self._actors else None
 
     def actor(self, name: str) -> int:
