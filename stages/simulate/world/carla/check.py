@@ -34,7 +34,13 @@ NEEDED = ("server", "map", "synchronous mode", "blueprints", "mirrored vehicles"
 
 CALM_MPS2 = 0.5
 LIDAR = LidarSensor(
-    dropoff_general_rate=0.0, dropoff_zero_intensity=0.0, noise_stddev=0.0, upper_fov=5.0, lower_fov=-25.0
+    channels=32,
+    points_per_second=320_000,
+    upper_fov=5.0,
+    lower_fov=-25.0,
+    dropoff_general_rate=0.0,
+    dropoff_zero_intensity=0.0,
+    noise_stddev=0.0,
 )
 
 

@@ -51,6 +51,7 @@ def test_a_server_of_another_release(server: Any) -> None:
     )
 
 
+@pytest.mark.nightly
 def test_another_client_that_ticks(loaded: Any) -> None:
     loaded.faults(intruder_at=10)
     found = findings_of(loaded)

@@ -92,6 +92,7 @@ def test_blueprints_by_class_and_size(
     )
 
 
+@pytest.mark.nightly
 def test_traffic_managers_port_in_use(server: Any, scenario_file: Path, tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("0.0.0.0", 0))

@@ -222,7 +222,8 @@ def _places(bag: Path) -> list[tuple[float, float]]:
 COMMAND = [sys.executable, "-c", "from advpipe.__main__ import main; main()"]
 
 
-@pytest.mark.parametrize("fault", ["die_after", pytest.param("silent_after", marks=pytest.mark.nightly)])
+@pytest.mark.nightly  # starts a server and a command for each
+@pytest.mark.parametrize("fault", ["die_after", "silent_after"])
 def test_a_server_that_is_lost_costs_one_line(
     fault: str, start_server: Any, scenario_file: Path, tmp_path: Path
 ) -> None:
