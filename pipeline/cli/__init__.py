@@ -12,6 +12,7 @@ from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.cli.attack_parameters import AttackCommand
 from advpipe.pipeline.cli.attacks import attacks_command
 from advpipe.pipeline.cli.bags import inspect, plot, recover_command
+from advpipe.pipeline.cli.check import check_command
 from advpipe.pipeline.cli.clean import clean
 from advpipe.pipeline.cli.demo import demo
 from advpipe.pipeline.cli.evaluate import evaluate_command
@@ -67,6 +68,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "relay": relay_command,
     "recover": recover_command,
     "clean": clean,
+    "check": check_command,
     "verify": verify_command,
     "schema": schema_command,
 }

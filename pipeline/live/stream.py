@@ -11,7 +11,9 @@ from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.live.playback_clock import PlaybackClock
 from advpipe.pipeline.live.publisher import PublishedTopic, Publisher, UnpublishableTypeError
 from advpipe.pipeline.live.registry import open_publisher
+from advpipe.pipeline.live.renaming import RenamingPublisher
 from advpipe.pipeline.mcap.channel import StampedCdr
+from advpipe.pipeline.messages.topic_names import ADVPIPE
 from advpipe.pipeline.messages.types import schema_text
 
 FIND_S = 1.0
@@ -65,16 +67,16 @@ class LiveStream:
 
 
 @contextmanager
-def live_stream(name: str | None) -> Iterator[LiveStream | None]:
+def live_stream(name: str | None, names: str = ADVPIPE) -> Iterator[LiveStream | None]:
     """A stream to the publisher of this name, which says where it publishes and, at the end, what; None for
-    none."""
+    none. names: of the topics, a key of `PUBLISHED_NAMES`."""
     if name is None:
         yield None
         return
     place, publisher = open_publisher(name)
     with closing(publisher):
         notice(f"the drive is published to {place} while it is recorded")
-        stream = LiveStream(publisher)
+        stream = LiveStream(RenamingPublisher(publisher, names))
         yield stream
         notice(
             f"published {counted(stream.messages, 'message')} to {place}, "

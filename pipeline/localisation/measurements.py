@@ -32,6 +32,19 @@ class WheelTwist:
 
 
 @dataclass(frozen=True)
+class SensedMotion:
+    """What error-free sensors of a world of its own measured at one instant; None without such a sensor.
+
+    position_m: (3,) of base_link in the map. specific_force_mps2, turn_rate_radps: (3,) in base_link, in the
+    step that ends at the instant.
+    """
+
+    position_m: Float64 | None = None
+    specific_force_mps2: Float64 | None = None
+    turn_rate_radps: Float64 | None = None
+
+
+@dataclass(frozen=True)
 class Measurements:
     """Everything measured in one step, up to its stamp.
 

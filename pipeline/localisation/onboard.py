@@ -14,7 +14,12 @@ from advpipe.pipeline.localisation.estimator import Estimator
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.gnss import GnssReceiver
 from advpipe.pipeline.localisation.imu import ImuModel
-from advpipe.pipeline.localisation.measurements import ImuSamples, InitialPose, Measurements
+from advpipe.pipeline.localisation.measurements import (
+    ImuSamples,
+    InitialPose,
+    Measurements,
+    SensedMotion,
+)
 from advpipe.pipeline.localisation.motion import Motion, MotionStep
 from advpipe.pipeline.localisation.rotations import rotation
 from advpipe.pipeline.localisation.section import LocalisationFilter, OnBoardSensors
@@ -65,14 +70,22 @@ class OnBoard:
         self._estimator: Estimator | None = None
         self.initial: InitialPose | None = None
 
-    def step(self, stamp_ns: int, map_SE3_base: Float64, velocity_mps: Float64) -> OnBoardStep:
+    def step(
+        self,
+        stamp_ns: int,
+        map_SE3_base: Float64,
+        velocity_mps: Float64,
+        sensed: SensedMotion | None = None,
+    ) -> OnBoardStep:
         """The next step, with the true pose (4, 4) and velocity (3,) in the map's frame at its stamp.
 
         The velocity counts in the first step only; afterwards the motion follows from the poses. `initial`
-        is the pose that the filter started from, set by the first step.
+        is the pose that the filter started from, set by the first step. sensed: what another simulator's
+        sensors measured without errors, which replaces the motion between the poses; errors are added as to
+        that.
         """
         truth = self._motion.advance(map_SE3_base, velocity_mps)
-        measured = self._measure(stamp_ns, truth)
+        measured = self._measure(stamp_ns, truth, sensed or SensedMotion())
         assert measured.wheel is not None
         if self._estimator is None:
             rng = named_generator(self._seed, "initial pose", self._name)
@@ -87,13 +100,17 @@ class OnBoard:
             self._estimator.step(measured),
         )
 
-    def _measure(self, stamp_ns: int, truth: MotionStep) -> Measurements:
+    def _measure(self, stamp_ns: int, truth: MotionStep, sensed: SensedMotion) -> Measurements:
         fix = None
         if self._steps % self._steps_per_fix == 0:
-            fix = self._geodesy.to_geographic(self._receiver.fix(truth.map_SE3_base[:3, 3]))
+            position_m = truth.map_SE3_base[:3, 3] if sensed.position_m is None else sensed.position_m
+            fix = self._geodesy.to_geographic(self._receiver.fix(position_m))
         wheel = self._wheels.measure(float(truth.base_velocity_mps[0]), float(truth.turn_rate_radps[2]))
         force = truth.specific_force_mps2
-        rates = np.broadcast_to(truth.turn_rate_radps, force.shape)
+        if sensed.specific_force_mps2 is not None:  # one reading a step, held
+            force = np.broadcast_to(sensed.specific_force_mps2, force.shape)
+        turn_rate = truth.turn_rate_radps if sensed.turn_rate_radps is None else sensed.turn_rate_radps
+        rates = np.broadcast_to(turn_rate, force.shape)
         stamps_ns = stamp_ns + self._sample_ends_ns[: len(force)]
         return Measurements(stamp_ns, ImuSamples(stamps_ns, *self._imu.measure(force, rates)), wheel, fix)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.section import Implementation, Name, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
+from advpipe.pipeline.scenario.carla import Carla
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
 from advpipe.pipeline.scenario.mistake import Mistake, SeveralMistakesError
@@ -35,6 +36,18 @@ class Recording(Section):
 
     compression: Literal["none", "lz4", "zstd"] = Field("zstd", description="compression of the bag's chunks")
     markers: Switch = Field(True, description="record boxes as markers for RViz and Foxglove, too")
+    names: Literal["advpipe", "carla_ros_bridge"] = Field(
+        "advpipe",
+        description="names of the topics that `play` and `simulate --live` publish; the bag keeps advpipe's",
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without names that are advpipe's own: older drives are recorded with the same bytes."""
+        tree: dict[str, Any] = handler(self)
+        if self.names == "advpipe":
+            del tree["names"]
+        return tree
 
 
 class Scenario(Section):
@@ -55,8 +68,9 @@ class Scenario(Section):
     sensors: Sensors = Sensors()
     environment: Environment = Environment()
     world: Implementation = Field(
-        "raycast", description="simulator of what sensors see: raycast, or module:Class of your own"
+        "raycast", description="simulator of what sensors see: raycast, carla, or module:Class of your own"
     )
+    carla: Carla = Carla()
     v2x: V2x = V2x()
     recording: Recording = Recording()
     attacks: Attacks = Field(
@@ -71,6 +85,14 @@ class Scenario(Section):
         self.sensors.check(self.simulation.step_s)
         check_size(self)
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without the section of a server that is not used: older drives are recorded with the same bytes."""
+        tree: dict[str, Any] = handler(self)
+        if self.world != "carla" and self.carla == Carla():
+            tree.pop("carla", None)
+        return tree
 
     def _bodies(self) -> Iterator[Mistake]:
         for clash in sorted(set(self.bodies) & {*BODIES, *PEOPLE}):
@@ -98,6 +120,8 @@ class Scenario(Section):
         for name, vehicle in self.vehicles.items():
             if vehicle.driver == "trajectory" and self.trajectories is None:
                 yield (), f"vehicles.{name}.driver is trajectory, but there is no trajectories.file"
+            if vehicle.driver == "carla" and self.world != "carla":
+                yield (), f"vehicles.{name}.driver is carla, but world is {self.world}; set world to carla"
 
     def _attacks(self) -> Iterator[Mistake]:
         known, end_s = ", ".join(sorted(self.vehicles)), self.simulation.duration_s

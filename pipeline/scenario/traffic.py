@@ -137,11 +137,12 @@ class Vehicle(Section):
     """A vehicle that carries sensors.
 
     Drivers: `traffic`: SUMO drives it. `trajectory`: it follows the rows with its id in the trajectory file.
-    `controller`: a bicycle model with a controller of its own follows its route.
+    `controller`: a bicycle model with a controller of its own follows its route. `carla`: an actor of CARLA,
+    with the vehicle's name as its role_name; without one, CARLA's Traffic Manager drives it.
     """
 
     body: Reference = Field("sedan", description="a built-in body or one of `bodies`")
-    driver: Literal["traffic", "trajectory", "controller"] = Field(
+    driver: Literal["traffic", "trajectory", "controller", "carla"] = Field(
         "traffic", description="what drives the vehicle"
     )
     route: tuple[Reference, ...] | None = Field(
@@ -150,6 +151,11 @@ class Vehicle(Section):
     speed_mps: SpeedMps | None = Field(
         None, le=70, description="desired speed where the road allows it; by default the road's speed limit"
     )
+
+    @property
+    def is_in_sumo(self) -> bool:
+        """Whether SUMO inserts it; others are placed there from outside."""
+        return self.driver in ("traffic", "controller")
 
 
 Vehicles = dict[Name, Vehicle]

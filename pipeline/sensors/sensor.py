@@ -166,6 +166,11 @@ class MountedSensor(Sensor[MountedT]):
         """
 
     @classmethod
+    def missing_from(cls, offers: frozenset[Offer]) -> list[Offer]:
+        """What these sensors need, and a world with these offers lacks."""
+        return sorted(cls.needs - offers)
+
+    @classmethod
     def scenario_field(cls) -> tuple[Any, Any]:
         from advpipe.pipeline.core.section import Name
 

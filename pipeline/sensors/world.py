@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.messages.cloud import Cloud
 
 Float32 = npt.NDArray[np.float32]
 
-Offer = Literal["road users", "rays"]
-"""Names a method of `Surroundings`: sensors declare which they need, and a world which it offers."""
+Offer = Literal["road users", "rays", "scans"]
+"""Names a method of `Surroundings`: sensors declare which they need, and a world which it offers. `scans`: of
+`ScanningSurroundings`."""
 
 
 SURFACES = (
@@ -66,4 +68,26 @@ class Surroundings(Protocol):
 
         They can hit all static objects, and the road users of `road_users(range_m)`.
         """
+        ...
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One turn of a LiDAR that the world itself simulates, and the ground truth of M road users.
+
+    cloud: in the LiDAR's frame. lidar_points: (M,) int64, points of the cloud on each. occlusion: (M,) as in
+    `Hits`.
+    """
+
+    cloud: Cloud
+    lidar_points: npt.NDArray[np.int64]
+    occlusion: Float32
+
+
+@runtime_checkable
+class ScanningSurroundings(Protocol):
+    """The surroundings in a world whose own LiDARs measure, such as another simulator's."""
+
+    def scan(self, name: str, range_m: float) -> Scan:
+        """The turn of the vehicle's LiDAR `name` that ends now; M as in `road_users(range_m)`."""
         ...

@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.bag.published_names import published_names
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.signals import deferred
@@ -15,6 +16,7 @@ from advpipe.pipeline.core.verbosity import detail, notice
 from advpipe.pipeline.live import FOXGLOVE, ROS2
 from advpipe.pipeline.live.publisher import Publisher, UnpublishableTypeError
 from advpipe.pipeline.live.registry import open_publisher
+from advpipe.pipeline.live.renaming import RenamingPublisher
 from advpipe.stages.play.keyboard import Keyboard
 from advpipe.stages.play.options import PlayOptions
 from advpipe.stages.play.player import Player
@@ -35,9 +37,11 @@ def play(
     with as_usage_error():
         timeline = Timeline(reader, options)
     with ExitStack() as opened:
-        places, publishers = [], []
+        places: list[str] = []
+        publishers: list[Publisher] = []
+        names = published_names(reader)
         for place, publisher in _publishers(options):
-            publishers.append(opened.enter_context(closing(publisher)))
+            publishers.append(RenamingPublisher(opened.enter_context(closing(publisher)), names))
             places.append(place)
         _advertise(timeline, publishers)
         keyboard = opened.enter_context(Keyboard())

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.localisation.measurements import InitialPose
+from advpipe.pipeline.localisation.measurements import InitialPose, SensedMotion
 from advpipe.pipeline.localisation.onboard import OnBoard, OnBoardStep
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.sensor import DriveSettings, Instant, Reading
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.world.protocol import World
+from advpipe.stages.simulate.world.protocol import SensingSurroundings, World
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,12 @@ class Instrumented:
         self, stamp_ns: int, frame: int, carrier: RoadUser, users: Sequence[RoadUser], world: World
     ) -> VehicleSnapshot:
         """Take all measurements of one step, among all moving road users."""
-        onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps)
+        surroundings = world.around(carrier, users)
+        sensed = surroundings.sensed() if isinstance(surroundings, SensingSurroundings) else SensedMotion()
+        onboard = self._onboard.step(stamp_ns, carrier.map_SE3_base, carrier.velocity_mps, sensed)
         initial = None if self._started else self._onboard.initial
         self._started = True
-        instant = Instant(frame, stamp_ns, onboard.truth, world.around(carrier, users))
+        instant = Instant(frame, stamp_ns, onboard.truth, surroundings)
         return VehicleSnapshot(
             self.name, initial, onboard, tuple(sensor.sense(instant) for sensor in self._sensors)
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,7 +31,8 @@ from advpipe.stages.simulate.road_network.network import RoadNetwork, load_netwo
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.registry import open_traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
-from advpipe.stages.simulate.world.protocol import World
+from advpipe.stages.simulate.world.actors import WorldActors
+from advpipe.stages.simulate.world.protocol import SteppedWorld, World
 from advpipe.stages.simulate.world.registry import build_world
 
 DATA_SET = FolderKind("data set", ("scenario.yaml", "clean"), ("scenario.yaml", "clean/metadata.yaml"))
@@ -110,7 +112,7 @@ def simulate(
         staged_folder(out, overwrite, DATA_SET) as folder,
         scratch_folder() as scratch,
         plugin_errors(plugins),
-        live_stream(live) as stream,
+        live_stream(live, scenario.recording.names) as stream,
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with as_usage_error():  # so far, only files that the scenario names have been read
@@ -124,6 +126,7 @@ def simulate(
         compression = scenario.recording.compression
         with (
             gc_frozen(),
+            setting.world if isinstance(setting.world, SteppedWorld) else nullcontext(),
             prepared as traffic,
             BagWriter(
                 folder / "clean", provenance=provenance, compression=compression, finish=write_layouts
@@ -141,7 +144,8 @@ def _drive(
     the sensors measure, and the stations get their new states."""
     clock, world = scenario.simulation, setting.world
     vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
-    routes_m = [traffic.route_m(vehicle.name) for vehicle in vehicles]
+    actors = WorldActors(world, traffic)
+    routes_m = [actors.route_m(vehicle.name) for vehicle in vehicles]
     walkers = (
         draw_walkers(scenario, world.roads, setting.variants, routes_m, setting.roads.pavements_m)
         if vehicles
@@ -154,7 +158,8 @@ def _drive(
     for frame in track(range(clock.frames), RECORDING):
         network_step = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
         drivers = traffic.road_users()
-        users = [*drivers.values(), *(walker.at(frame * clock.step_s) for walker in walkers)]
+        people = [walker.at(frame * clock.step_s) for walker in walkers]
+        drivers, users = actors.advance(frame, drivers, people)
         snapshots = [
             vehicle.sense(network_step.stamp_ns, frame, drivers[vehicle.name], users, world)
             for vehicle in vehicles

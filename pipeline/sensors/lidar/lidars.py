@@ -9,6 +9,7 @@ from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.sensor import Cadence, DriveSettings, Instant, MountedSensor, Panel, Reading
+from advpipe.pipeline.sensors.world import Offer
 
 MOST_RAYS = 10_000_000
 """Limit on one turn of all LiDARs together; a ray needs a few hundred bytes of memory."""
@@ -43,6 +44,11 @@ class Lidars(MountedSensor[LidarSensor]):
             sum(map(len, view.clouds.values())),
             view.boxes.ids,
         )
+
+    @classmethod
+    def missing_from(cls, offers: frozenset[Offer]) -> list[Offer]:
+        """A world's own scans replace rays."""
+        return super().missing_from(offers | {"rays"} if "scans" in offers else offers)
 
     @classmethod
     def topics(cls, vehicle: str, name: str) -> tuple[Topic, ...]:

@@ -15,6 +15,7 @@ from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.sensor import DriveSettings, Instant
+from advpipe.pipeline.sensors.world import ScanningSurroundings
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,12 @@ class LidarRig:
         clouds: dict[str, Cloud] = {}
         points, occlusion = np.zeros(len(boxes.ids), np.int64), np.ones(len(boxes.ids))
         for name, lidar in due.items():
+            if isinstance(world, ScanningSurroundings):
+                scan = world.scan(name, self._range_m)
+                clouds[name] = scan.cloud
+                points += scan.lidar_points
+                occlusion = np.minimum(occlusion, scan.occlusion)
+                continue
             hits = world.cast(lidar.rays(motion.map_SE3_base, twist), self._range_m)
             map_SE3_lidar = motion.map_SE3_base @ lidar.base_SE3_lidar
             rng = named_generator(self._seed, "lidar", self._vehicle, name, instant.frame)

@@ -16,6 +16,15 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
 @runtime_checkable
+class SignalisedTraffic(Protocol):
+    """A traffic source with traffic lights, besides `TrafficSource`."""
+
+    def signals(self) -> Mapping[str, str]:
+        """SUMO's letter (r, y, g, ...) of each traffic light, by its id in the OpenDRIVE map."""
+        ...
+
+
+@runtime_checkable
 class TrafficSource(Protocol):
     """Moves every vehicle of one drive; `traffic.source` in the scenario file names it.
 

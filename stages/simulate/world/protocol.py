@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
 from typing import Protocol, runtime_checkable
 
 import shapely
 
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.measurements import SensedMotion
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.world import Offer, Surroundings
 from advpipe.stages.simulate.bodies import Variant
@@ -35,6 +38,44 @@ class World(Protocol):
 
         users: all moving road users at that instant, including the carrier. Parked cars belong to the world.
         """
+        ...
+
+
+@runtime_checkable
+class SteppedWorld(Protocol):
+    """A world with a clock and actors of its own, such as another simulator's, besides `World`.
+
+    It is entered before the traffic is, and left after it, whatever happens.
+    """
+
+    def __enter__(self) -> object:
+        """Connect. Raises AdvpipeError if that fails, and leaves nothing changed."""
+        ...
+
+    def __exit__(
+        self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    def route_m(self, name: str) -> Float64 | None:
+        """Points (K, 3) in the map's frame near which a vehicle drives; None for one that it does not
+        drive."""
+        ...
+
+    def advance(self, frame: int, users: Sequence[RoadUser], signals: Mapping[str, str]) -> list[RoadUser]:
+        """Move its clock on to a recorded instant, with these road users at their places, and return its own.
+
+        users: all that move in the drive, except for the world's own. signals: see `SignalisedTraffic`.
+        Raises AdvpipeError if it cannot continue.
+        """
+        ...
+
+
+@runtime_checkable
+class SensingSurroundings(Protocol):
+    """The surroundings in a world with GNSS and IMU of its own."""
+
+    def sensed(self) -> SensedMotion:
+        """Their readings now."""
         ...
 
 

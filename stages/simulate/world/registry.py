@@ -19,7 +19,13 @@ def _raycast(scenario: Scenario, network: RoadNetwork, variants: dict[str, Varia
     return RaycastWorld(scenario, network, variants)
 
 
-WORLDS: Mapping[str, NewWorld] = {"raycast": _raycast}
+def _carla(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
+    from advpipe.stages.simulate.world.carla.world import CarlaWorld
+
+    return CarlaWorld(scenario, network, variants)
+
+
+WORLDS: Mapping[str, NewWorld] = {"raycast": _raycast, "carla": _carla}
 
 
 def build_world(scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> World:
@@ -37,6 +43,6 @@ def build_world(scenario: Scenario, network: RoadNetwork, variants: dict[str, Va
         )
     for vehicle in scenario.vehicles:
         for key, section in scenario.sensors.mounted_by(vehicle):
-            if missing := sorted(section.needs - made.offers):
+            if missing := section.missing_from(made.offers):
                 raise UsageError(f"sensors.{key} need {missing[0]}, which the world {name} does not offer")
     return made

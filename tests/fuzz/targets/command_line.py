@@ -36,7 +36,7 @@ COMMANDS = (
         "share",
         "unpack",
     ),
-    *("figures", "inspect", "plot", "recover", "verify", "schema", "attacks", "clean"),
+    *("figures", "inspect", "plot", "recover", "verify", "schema", "attacks", "clean", "check"),
 )
 PINNED = re.compile(r"duration_s|^--steps|^--cells")
 """Words that stay: without them, a command rightly takes minutes."""
@@ -61,6 +61,7 @@ GOOD = {
     "sweep": ["drive", "--out", "new", "--cells=none"],
     "run": ["smoke", "--set", "simulation.duration_s=0.1", "--out", "new"],
     "schema": [],
+    "check": ["carla", "--server", "127.0.0.1:9"],
 }
 OPTIONS = (
     *(

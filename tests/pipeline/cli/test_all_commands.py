@@ -54,6 +54,7 @@ REFUSED = {
     "play": ["play", "{drive}/nowhere\x1b", "--ros2"],
     "relay": ["relay", "--attack", "{drive}/nowhere\x1b", "--ros2", "--domain", "9", "-o", "{out}/l"],
     "figures": ["figures", "{drive}/nowhere\x1b"],
+    "check": ["check", "carla\x1b"],
     "attack": ["attack", "{drive}", "--type", "explode\x1b\u202e"],
     "inspect": ["inspect", "{drive}/nowhere\x1b"],
     "option": ["inspect", "{drive}", "--lid\x1bar"],

@@ -37,6 +37,7 @@ FIRST_WORDS = {
     "relay": (["--attack", "d", "--ros2", "--domain", "9"], "relaying by d ..."),
     "recover": (["d"], "recovering d ..."),
     "verify": (["d"], "verifying d ..."),
+    "check": (["carla"], "checking carla ..."),
 }
 
 QUICK = {"inspect", "clean", "schema"}

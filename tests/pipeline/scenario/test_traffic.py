@@ -11,7 +11,7 @@ from advpipe.pipeline.scenario import load_scenario
 
 BAD = {
     "traffic={routes: a.rou.xml, sumo_config: b.sumocfg}": r"at most one of routes and sumo_config",
-    "vehicles={ego: {driver: autopilot}}": r"vehicles\.ego\.driver: .*'trajectory' or 'controller'",
+    "vehicles={ego: {driver: autopilot}}": r"vehicles\.ego\.driver: .*'controller' or 'carla'",
     "vehicles={ego: {driver: trajectory}}": r"driver is trajectory, but there is no trajectories\.file",
     "vehicles={ego: {speed_mps: 0}}": r"vehicles\.ego\.speed_mps: .*equal to 0\.1",
     "vehicles={ego: {route: main_street}}": r"vehicles\.ego\.route: ",

@@ -22,6 +22,7 @@ from advpipe.stages.simulate.traffic.sumo.external_vehicles import ExternalVehic
 from advpipe.stages.simulate.traffic.sumo.joining import prepare_server
 from advpipe.stages.simulate.traffic.sumo.population import Population
 from advpipe.stages.simulate.traffic.sumo.routes import Routes
+from advpipe.stages.simulate.traffic.sumo.signals import signal_states
 from advpipe.stages.simulate.traffic.sumo.user_traffic import user_traffic
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import vehicle_types_xml
 from advpipe.stages.simulate.traffic.sumo.vehicles import SumoVehicles
@@ -59,7 +60,8 @@ class SumoTraffic(TrafficSource):
         self._options = [*_options(scenario, network), *self._user_traffic.options(types)]
         self._external = ExternalVehicles(sumo, network)
         self._controlled = ControlledVehicles(sumo, scenario, network)
-        self._vehicles = SumoVehicles(sumo, network, variants, scenario.simulation.seed)
+        shows_lights = scenario.world == "carla"  # CARLA's vehicles have lamps, the embedded world's do not
+        self._vehicles = SumoVehicles(sumo, network, variants, scenario.simulation.seed, shows_lights)
         self._pushed: dict[str, RoadUser] = {}  # for the next step
         self._upcoming: dict[str, RoadUser] = {}  # for the step after it
         self._moved: dict[str, RoadUser] = {}  # current states of externally moved vehicles
@@ -92,7 +94,7 @@ class SumoTraffic(TrafficSource):
         with self._sumo.errors():
             self._advance()
             self._check_instrumented()
-            self._fill_up([self._position_m(name) for name in self._scenario.vehicles])
+            self._fill_up([self._position_m(name) for name in self._present_instrumented()])
         self._frame += 1
 
     def road_users(self) -> dict[str, RoadUser]:
@@ -107,9 +109,17 @@ class SumoTraffic(TrafficSource):
             return self._trajectories.places_m(name)
         if driver == "controller":
             return self._controlled.path_m(name)
+        if driver == "carla":
+            raise AdvpipeError(f"vehicles.{name} is driven by CARLA, so SUMO knows no route of it")
         with self._sumo.errors():
             edges = [self._network.edges[edge] for edge in self._sumo.vehicle.getRoute(name)]
         return np.concatenate([edge.lanes[0].centre_m for edge in edges])
+
+    def signals(self) -> dict[str, str]:
+        """See `SignalisedTraffic`; netconvert calls a signal after its traffic light and link, if the map has
+        no name for it."""
+        with self._sumo.errors():
+            return signal_states(self._sumo)
 
     def push(self, users: Iterable[RoadUser], upcoming: Iterable[RoadUser] = ()) -> None:
         """Set the external vehicles of the next step, and those of the step after it, for which SUMO makes
@@ -119,9 +129,7 @@ class SumoTraffic(TrafficSource):
 
     def _warm_up(self) -> None:
         simulation = self._scenario.simulation
-        inserted_by_us = {
-            name for name, vehicle in self._scenario.vehicles.items() if vehicle.driver != "trajectory"
-        }
+        inserted_by_us = {name for name, vehicle in self._scenario.vehicles.items() if vehicle.is_in_sumo}
         waited_s = 0.0
         self._fill_up([])
         while waited_s < simulation.warmup_s or not inserted_by_us <= set(self._sumo.vehicle.getIDList()):
@@ -164,7 +172,7 @@ class SumoTraffic(TrafficSource):
     def _fill_up(self, keep_away_m: Sequence[Float64]) -> None:
         loaded = self._sumo.vehicle.getLoadedIDList()
         for name, vehicle in self._scenario.vehicles.items():
-            if vehicle.driver != "trajectory" and name not in loaded:
+            if vehicle.is_in_sumo and name not in loaded:
                 self._population.insert_instrumented(name)
         if not self._user_traffic.is_user_supplied:
             others = {*self._scenario.vehicles, *self._trajectories.ids, *self._external.images}
@@ -172,12 +180,20 @@ class SumoTraffic(TrafficSource):
 
     def _check_instrumented(self) -> None:
         present = {*self._sumo.vehicle.getIDList(), *self._moved}
-        for name in self._scenario.vehicles:
-            if name not in present:
+        for name, vehicle in self._scenario.vehicles.items():
+            if name not in present and vehicle.driver != "carla":
                 raise AdvpipeError(
                     f"{name} reached the end of its road too fast to stop there; "
                     f"give vehicles.{name}.route a longer one, or choose another simulation.seed"
                 )
+
+    def _present_instrumented(self) -> list[str]:
+        """The instrumented vehicles that have a place; CARLA's may not have been pushed yet."""
+        return [
+            name
+            for name, vehicle in self._scenario.vehicles.items()
+            if vehicle.driver != "carla" or name in self._moved
+        ]
 
     def _make_way(self, first: Collection[RoadUser]) -> None:
         """Remove SUMO's vehicles that are too near to the first externally moved ones."""

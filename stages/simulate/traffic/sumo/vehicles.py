@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,15 +14,22 @@ from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.traffic.sumo.connection import SumoConnection
 from advpipe.stages.simulate.traffic.sumo.pose import base_poses
+from advpipe.stages.simulate.traffic.sumo.signals import lights_of
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import substitute_variant
 
 
 class SumoVehicles:
-    """Reads poses and velocities of SUMO's vehicles."""
+    """Reads poses and velocities of SUMO's vehicles, and their lights if `shows_lights`."""
 
     def __init__(
-        self, sumo: SumoConnection, network: RoadNetwork, variants: Mapping[str, Variant], seed: int
+        self,
+        sumo: SumoConnection,
+        network: RoadNetwork,
+        variants: Mapping[str, Variant],
+        seed: int,
+        shows_lights: bool = False,
     ) -> None:
+        self._shows_lights = shows_lights
         self._sumo, self._network, self._variants, self._seed = sumo, network, variants, seed
         self._variant_of: dict[str, Variant] = {}
         self._is_flat = all(
@@ -41,10 +49,14 @@ class SumoVehicles:
         speeds_mps = np.array([vehicle.getSpeed(name) for name in names])
         poses = base_poses(front_m, angles_deg, slopes_deg, [variant.length_m for variant in variants])
         velocities = poses[:, :3, 0] * speeds_mps[:, None]
-        return {
+        users = {
             name: RoadUser(name, variant, pose, velocity)
             for name, variant, pose, velocity in zip(names, variants, poses, velocities, strict=True)
         }
+        if self._shows_lights:
+            for name, user in users.items():
+                users[name] = replace(user, lights=lights_of(vehicle.getSignals(name)))
+        return users
 
     def position_m(self, name: str) -> Float64:
         """The front bumper (3,) of one vehicle, in the map's frame."""

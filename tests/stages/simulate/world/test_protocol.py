@@ -35,7 +35,7 @@ def test_a_lidar_works_in_a_users_flat_world(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("carla", r"world 'carla' is unknown; known: raycast \(or your own module:Class\)"),
+        ("gta", r"world 'gta' is unknown; known: raycast, carla \(or your own module:Class\)"),
         ("flat_world:Nothing", "world flat_world:Nothing is not a world: it lacks "),
         ("flat_world:Blind", "sensors.lidars need rays, which the world flat_world:Blind does not offer"),
     ],

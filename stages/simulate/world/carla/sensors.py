@@ -1,0 +1,114 @@
+"""All of CARLA's sensors on one vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.localisation.measurements import SensedMotion
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.simulate.world.carla.feeds import FIRST_TICKS, Feed
+from advpipe.stages.simulate.world.carla.lidar import CarlaLidar
+from advpipe.stages.simulate.world.carla.poses import ActorBox, pose_of
+from advpipe.stages.simulate.world.carla.positioning import (
+    GNSS,
+    IMU,
+    GnssProjection,
+    specific_force_of,
+    turn_rate_of,
+)
+
+LIDAR, SEMANTIC_LIDAR = "sensor.lidar.ray_cast", "sensor.lidar.ray_cast_semantic"
+
+PLACE_TOLERANCE_M = 0.05
+"""How far a sensor may be from where it should be: one step late, it would be a metre off at 10 m/s."""
+
+POLL_S = 0.2
+
+
+class VehicleSensors:
+    """Each sensor is a feed; `take` reads them all for one frame.
+
+    is_driven_by_carla: then CARLA's physics moves it, and its IMU measures; it measures nothing of a vehicle
+    that is moved from outside.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: str, is_driven_by_carla: bool) -> None:
+        self._vehicle, self._has_imu = vehicle, is_driven_by_carla
+        self._timeout_s, step_s = scenario.carla.timeout_s, scenario.simulation.step_s
+        self.lidars = {
+            name: CarlaLidar(section, step_s)
+            for name, section in getattr(scenario.sensors, "lidars", {}).items()
+            if section.vehicle == vehicle
+        }
+        self._feeds: dict[tuple[str, str], Feed] = {}
+        self._data: dict[tuple[str, str], Any] = {}
+        self._projection: GnssProjection | None = None
+
+    def mount(self, world: Any, carrier: Any, box: ActorBox) -> None:
+        """Spawn the sensors on the vehicle's actor, which has this box, and listen."""
+
+        def feed(name: str, blueprint: str, attributes: dict[str, Any], base_SE3_sensor: Float64) -> None:
+            title = f"{blueprint.removeprefix('sensor.')} of {self._vehicle}{f'/{name}' if name else ''}"
+            place = box.actor_SE3_base @ base_SE3_sensor
+            self._feeds[name, blueprint] = Feed(world, carrier, title, blueprint, attributes, place)
+
+        for name, lidar in self.lidars.items():
+            for blueprint, attributes in lidar.attributes.items():
+                feed(name, blueprint, dict(attributes), lidar.base_SE3_lidar)
+        feed("", GNSS, {}, np.eye(4))
+        if self._has_imu:
+            feed("", IMU, {}, np.eye(4))
+        self._projection = GnssProjection(world.get_map())
+
+    def await_first(self, tick: Callable[[], object], timeout_s: float) -> None:
+        """Tick until each sensor has sent something. Raises AdvpipeError if one does not."""
+        silent = list(self._feeds.values())
+        for _ in range(FIRST_TICKS):
+            tick()
+            silent = [feed for feed in silent if not feed.has_sent(POLL_S)]
+            if not silent:
+                return
+        raise AdvpipeError(f"CARLA's sensor {silent[0].name} sends nothing, after {FIRST_TICKS} ticks")
+
+    def take(self, carla_frame: int, frame: int, map_SE3_base: Float64) -> None:
+        """Read the measurements of a frame; those of LiDARs only where a turn ends.
+
+        Raises AdvpipeError for one that is missing, or measured from another place than it should be.
+        """
+        self._data = {}
+        for (name, blueprint), feed in self._feeds.items():
+            data = feed.take(carla_frame, self._timeout_s)
+            lidar = self.lidars.get(name)
+            expected = map_SE3_base if lidar is None else map_SE3_base @ lidar.base_SE3_lidar
+            off_m = float(np.linalg.norm(pose_of(data.transform)[:3, 3] - expected[:3, 3]))
+            if off_m > PLACE_TOLERANCE_M:
+                raise AdvpipeError(
+                    f"CARLA's sensor {feed.name} measured {off_m:.2f} m from its place in frame "
+                    f"{carla_frame}: the vehicle's actor is moved by something else, or shows its pose late"
+                )
+            if lidar is None or lidar.is_due(frame):
+                self._data[name, blueprint] = data
+
+    def turn(self, name: str) -> tuple[CarlaLidar, Any, Any]:
+        """A LiDAR, its measurement, and that of the semantic LiDAR in its place."""
+        return self.lidars[name], self._data[name, LIDAR], self._data[name, SEMANTIC_LIDAR]
+
+    def sensed(self) -> SensedMotion:
+        """What GNSS and IMU measured; see `SensedMotion`."""
+        assert self._projection is not None
+        position_m = self._projection.position_m(self._data["", GNSS])
+        if not self._has_imu:
+            return SensedMotion(position_m)
+        imu = self._data["", IMU]
+        return SensedMotion(position_m, specific_force_of(imu), turn_rate_of(imu))
+
+    def stop(self) -> list[int]:
+        """Stop every sensor; the numbers of their actors, which are to be removed."""
+        for feed in self._feeds.values():
+            feed.stop()
+        return [feed.actor for feed in self._feeds.values()]
