@@ -132,8 +132,29 @@ def _bit_string(asn1: Any) -> _Part:
     return _Part(write, read)
 
 
+def _unbounded_count() -> _Part:
+    """A number without an upper bound: one byte below 128, two below 16,384; longer ones are in fragments."""
+
+    def write(value: int, bits: int) -> int:
+        if value >= 1 << 14:
+            raise NotPlain
+        return bits << 8 | value if value < 1 << 7 else bits << 16 | 1 << 15 | value
+
+    def read(bits: int, left: int) -> tuple[int, int]:
+        left -= 8
+        value = bits >> left & 0xFF
+        if value < 1 << 7:
+            return value, left
+        if value >= 0b11 << 6:
+            raise NotPlain
+        left -= 8
+        return bits >> left & (1 << 14) - 1, left
+
+    return _Part(write, read)
+
+
 def _octet_string(asn1: Any) -> _Part:
-    count = _count(asn1)
+    count = _unbounded_count() if asn1._const_sz is None else _count(asn1)
 
     def write(value: bytes, bits: int) -> int:
         return count.write(len(value), bits) << 8 * len(value) | int.from_bytes(value, "big")
