@@ -70,10 +70,10 @@ def _integer(cam_type: CamType) -> Write:
 
 def _enumerated(cam_type: CamType) -> Write:
     number = _number(cam_type.number)
-    index_of = {name: index for index, name in enumerate(cam_type.names)}
+    code_of = dict(zip(cam_type.names, cam_type.codes, strict=True))
 
     def write(value: str, cdr: Cdr) -> None:
-        number(index_of[value], cdr)
+        number(code_of[value], cdr)
 
     return write
 
@@ -151,6 +151,25 @@ def _choice(cam_type: CamType) -> Write:
     return write
 
 
+def _open_type(cam_type: CamType) -> Write:
+    number, *contents = cam_type.members
+    write_number = _part(number)
+    fields = [(int(member.asn1_name), _part(member), _absent(member)) for member in contents]
+
+    def write(value: dict[str, Any], cdr: Cdr) -> None:
+        chosen = value[number.asn1_name]
+        if chosen not in {each for each, _, _ in fields}:
+            raise KeyError(chosen)
+        write_number(chosen, cdr)
+        for each, part, absent in fields:
+            if each == chosen:
+                part(value[cam_type.element], cdr)
+            else:
+                absent(cdr)
+
+    return write
+
+
 def _part(member: Member) -> Write:
     return _writer(member.package, member.type) if member.type else _basic(member.number)
 
@@ -215,5 +234,6 @@ _WRITERS: dict[str, Callable[[CamType], Write]] = {
     "alias": _alias,
     "SEQUENCE OF": _sequence_of,
     "SEQUENCE": _sequence,
+    "OPEN TYPE": _open_type,
     "CHOICE": _choice,
 }

@@ -9,6 +9,7 @@ alternatives; a SEQUENCE OF is `array`; a BIT STRING is bytes and the number of 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -39,9 +40,10 @@ class Member:
 class CamType:
     """One ASN.1 type. kind: its ASN.1 keyword, or "alias" for a type that renames another.
 
-    members: the parts of a SEQUENCE or CHOICE. element: the type of an alias or of a SEQUENCE OF's items.
+    members: the parts of a SEQUENCE or CHOICE; of an "OPEN TYPE", its number and all possible contents. element:
+    the type of an alias or of a SEQUENCE OF's items; of an "OPEN TYPE", the name of its content.
     number: the ROS type of an INTEGER or ENUMERATED. highest: the largest value of an INTEGER's ROS type.
-    names: the values of an ENUMERATED, in order.
+    names: the values of an ENUMERATED, in order; codes: their numbers.
     """
 
     kind: str
@@ -50,6 +52,7 @@ class CamType:
     number: str = ""
     highest: int = 0
     names: tuple[str, ...] = ()
+    codes: tuple[int, ...] = ()
     package: str = PACKAGE
 
 
@@ -59,6 +62,8 @@ def asn1_types(package: str) -> dict[str, CamType]:
     types: dict[str, CamType] = {}
     (message,) = (each for each in MESSAGE_TYPES.values() if each.ros_package == package)
     _add(message.ros_type, message.codec.asn1, types)
+    for name, contents in message.codec.open_types.items():
+        _add_contents(name, contents, types)
     return {
         name: replace(
             each, package=package, members=tuple(replace(one, package=package) for one in each.members)
@@ -97,7 +102,8 @@ def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
         types[name] = CamType(kind, element=_reference(asn1._cont) or "")
         inner = [(types[name].element, _referred(asn1._cont))]
     elif kind == "ENUMERATED":
-        types[name] = CamType(kind, number=_number(0, len(asn1._cont) - 1), names=tuple(asn1._cont))
+        codes = tuple(asn1._cont.values())
+        types[name] = CamType(kind, number=_number(0, max(codes)), names=tuple(asn1._cont), codes=codes)
     elif kind == "INTEGER":
         number = _number_of(asn1)
         types[name] = CamType(kind, number=number, highest=_highest(number))
@@ -105,6 +111,20 @@ def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
         types[name] = CamType(kind)
     for inner_name, inner_asn1 in inner:
         _add(inner_name, inner_asn1, types)
+
+
+def _add_contents(
+    name: str, contents: Mapping[int, tuple[str, Any]], types: dict[str, CamType]
+) -> None:
+    """A SEQUENCE of a number and an open type: the ROS type has a field for each possible content."""
+    number, data = types[name].members
+    fields = tuple(
+        Member(str(each), f"{data.field}_{_snake_case(type_name)}", type_name, "", False)
+        for each, (type_name, _) in contents.items()
+    )
+    types[name] = CamType("OPEN TYPE", (number, *fields), element=data.asn1_name)
+    for type_name, asn1 in contents.values():
+        _add(type_name, asn1, types)
 
 
 def _member(asn1_name: str, asn1: Any) -> Member:
@@ -126,6 +146,8 @@ def _basic(asn1: Any) -> str:
     """The ROS type of a part without a type of its own."""
     if asn1.TYPE in _STRINGS:
         return "string"
+    if asn1.TYPE == "OCTET STRING":
+        return ""  # an open type: `_add_contents`
     return "bool" if asn1.TYPE == "BOOLEAN" else _number_of(asn1)
 
 
@@ -157,7 +179,7 @@ def _snake_case(name: str) -> str:
 def _fields(cam_type: CamType) -> list[tuple[str, Any]]:
     kind, base = cam_type.kind, Nodetype.BASE
     element = full_name(cam_type.element, cam_type.package)
-    if kind in ("SEQUENCE", "CHOICE"):
+    if kind in ("SEQUENCE", "CHOICE", "OPEN TYPE"):
         fields: list[tuple[str, Any]] = [("choice", (base, ("uint8", 0)))] if kind == "CHOICE" else []
         for member in cam_type.members:
             named = (Nodetype.NAME, full_name(member.type, member.package))

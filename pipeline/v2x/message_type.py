@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from advpipe.pipeline.v2x.codec.btp import CAM_PORT
 from advpipe.pipeline.v2x.codec.codec import CAM_CODEC
+from advpipe.pipeline.v2x.codec.cpm_codec import CPM_CODEC
 from advpipe.pipeline.v2x.codec.message_codec import MessageCodec
 
 HEADER_BYTES = 6
@@ -56,7 +57,18 @@ CAM = MessageType(
     ros_type="CAM",
 )
 
-MESSAGE_TYPES: Mapping[str, MessageType] = {each.name: each for each in (CAM,)}
+CPM = MessageType(
+    "cpm",
+    CPM_CODEC,
+    port=2009,
+    psid=639,
+    permissions=bytes.fromhex("01"),  # version 1
+    traffic_class=2,
+    ros_package="etsi_its_cpm_ts_msgs",
+    ros_type="CollectivePerceptionMessage",
+)
+
+MESSAGE_TYPES: Mapping[str, MessageType] = {each.name: each for each in (CAM, CPM)}
 """All types, by name."""
 
 _BY_HEADER = {bytes([each.codec.protocol_version, each.message_id]): each for each in MESSAGE_TYPES.values()}

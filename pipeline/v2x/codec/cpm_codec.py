@@ -6,14 +6,19 @@ container is encoded by itself, as an open type; in the values here it is a tree
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
-from advpipe.pipeline.v2x.codec.message_codec import MessageCodec, MessageTree
+from advpipe.pipeline.v2x.codec.message_codec import (
+    PYCRATE_LOCK,
+    MessageCodec,
+    MessageTree,
+    without_additions,
+)
 from advpipe.pipeline.v2x.codec.uper import Uper
 
 MESSAGE_ID_CPM = 14
@@ -39,6 +44,10 @@ class CpmCodec(MessageCodec):
     """`MessageCodec` with the containers opened: `containerData` has a container's values, or the bytes of a
     container of a later release."""
 
+    @property
+    def open_types(self) -> Mapping[str, Mapping[int, tuple[str, Any]]]:
+        return {"WrappedCpmContainer": {each: (name, asn1_part(name)) for each, name in CONTAINERS.items()}}
+
     def encode(self, tree: MessageTree) -> bytes:
         return super().encode(_with_containers(tree, _closed))
 
@@ -57,7 +66,7 @@ def _asn1() -> Any:
     return asn1_part("CollectivePerceptionMessage")
 
 
-CPM_CODEC = CpmCodec("CPM", _asn1, PROTOCOL_VERSION_CPM, MESSAGE_ID_CPM, CpmError)
+CPM_CODEC = CpmCodec("CPM", _asn1, PROTOCOL_VERSION_CPM, MESSAGE_ID_CPM, CpmError, "messageId")
 
 
 @cache
@@ -68,19 +77,30 @@ def _container(number: int) -> Uper:
 def _closed(number: int, data: Any) -> bytes:
     if isinstance(data, bytes):
         return data
+    if number not in CONTAINERS:
+        raise CpmError(f"a CPM of this release has no container {number}")
     with suppress(Exception):
         return _container(number).encode(data)
-    name = CONTAINERS.get(number, f"container {number}")
-    raise CpmError(f"cannot encode these values as the {name} of a CPM")
+    with PYCRATE_LOCK:
+        try:
+            return bytes(asn1_part(CONTAINERS[number]).to_uper(data))
+        except Exception as error:  # pycrate raises several classes, and some by accident
+            raise CpmError(f"cannot encode these values as {CONTAINERS[number]}: {error}") from None
 
 
 def _opened(number: int, data: bytes) -> Any:
-    """Raises CpmError for bytes that are not the container, or one with extensions of later releases."""
+    """Extensions of later releases are skipped. Raises CpmError for bytes that are not the container."""
     if number not in CONTAINERS:
         return data
     with suppress(Exception):
         return _container(number).decode(data)
-    raise CpmError(f"{len(data)} bytes are not the {CONTAINERS[number]} of a CPM")
+    asn1 = asn1_part(CONTAINERS[number])
+    with PYCRATE_LOCK:
+        try:
+            asn1.from_uper(data)
+            return without_additions(asn1.get_val())
+        except Exception as error:
+            raise CpmError(f"{len(data)} bytes are not the {CONTAINERS[number]} of a CPM: {error}") from None
 
 
 def _with_containers(tree: MessageTree, change: Callable[[int, Any], Any]) -> MessageTree:

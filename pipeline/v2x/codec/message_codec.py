@@ -9,7 +9,7 @@ name for an ENUMERATED, (bits, number of bits) for a BIT STRING.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,7 @@ from advpipe.pipeline.v2x.codec.uper import Uper
 
 MessageTree = dict[str, Any]
 
-_LOCK = Lock()
+PYCRATE_LOCK = Lock()
 """pycrate's type object holds the value it processes, so only one call may run at a time."""
 
 
@@ -30,7 +30,8 @@ class MessageCodec:
     """The codec of one type of message.
 
     name: as in "a CAM". load: imports and returns pycrate's object of the type. protocol_version, message_id:
-    of its header, which every valid message has. error: what is raised for invalid ones.
+    of its header, which every valid message has. error: what is raised for invalid ones. message_id_field:
+    the name of the header's message id, which release 2 of the dictionary spells differently.
     """
 
     name: str
@@ -38,12 +39,13 @@ class MessageCodec:
     protocol_version: int
     message_id: int
     error: type[MessageError]
+    message_id_field: str = "messageID"
 
     def encode(self, tree: MessageTree) -> bytes:
         """Encode a message. Raises `error` for values that the ASN.1 does not allow."""
         with suppress(Exception):  # pycrate raises it again, with the reason
             return self._uper.encode(tree)
-        with _LOCK:
+        with PYCRATE_LOCK:
             try:
                 return bytes(self.asn1.to_uper(tree))
             except Exception as error:  # pycrate's own errors, and others for values of a wrong type
@@ -70,6 +72,12 @@ class MessageCodec:
         """pycrate's object of the type."""
         return self.load()
 
+    @property
+    def open_types(self) -> Mapping[str, Mapping[int, tuple[str, Any]]]:
+        """Of types that hold a number, and bytes of a type that depends on it: name and pycrate's object of
+        each, by the number."""
+        return {}
+
     @cached_property
     def _uper(self) -> Uper:
         return Uper(self.asn1)
@@ -78,7 +86,7 @@ class MessageCodec:
         from pycrate_core.charpy import Charpy
 
         stream = Charpy(bytes(payload))
-        with _LOCK:
+        with PYCRATE_LOCK:
             try:
                 self.asn1.from_uper(stream)
                 tree: MessageTree = self.asn1.get_val()
@@ -88,11 +96,11 @@ class MessageCodec:
         self._refuse_other_messages(tree["header"])
         if stream.len_bit():
             raise self.error(f"{stream.len_bit() // 8} bytes follow a {self.name} of {len(payload)} bytes")
-        kept: MessageTree = _without_additions(tree)
+        kept: MessageTree = without_additions(tree)
         return kept
 
     def _refuse_other_messages(self, header: MessageTree) -> None:
-        found = header["protocolVersion"], header["messageID"]
+        found = header["protocolVersion"], header[self.message_id_field]
         if found != (self.protocol_version, self.message_id):
             raise self.error(
                 f"message {found[1]} of protocol version {found[0]} is not a {self.name}, which is message "
@@ -100,16 +108,16 @@ class MessageCodec:
             )
 
 
-def _without_additions(value: Any) -> Any:
+def without_additions(value: Any) -> Any:
     """Drops unknown extensions: pycrate decodes them to `_ext_...`, but cannot encode them again."""
     if isinstance(value, dict):
         return {
-            name: _without_additions(part) for name, part in value.items() if not name.startswith("_ext_")
+            name: without_additions(part) for name, part in value.items() if not name.startswith("_ext_")
         }
     if isinstance(value, list):
-        return [_without_additions(part) for part in value]
+        return [without_additions(part) for part in value]
     if isinstance(value, tuple) and isinstance(value[0], str):
-        return value[0], _without_additions(value[1])
+        return value[0], without_additions(value[1])
     return value
 
 
