@@ -40,8 +40,8 @@ class Member:
 class CamType:
     """One ASN.1 type. kind: its ASN.1 keyword, or "alias" for a type that renames another.
 
-    members: the parts of a SEQUENCE or CHOICE; of an "OPEN TYPE", its number and all possible contents. element:
-    the type of an alias or of a SEQUENCE OF's items; of an "OPEN TYPE", the name of its content.
+    members: the parts of a SEQUENCE or CHOICE; of an "OPEN TYPE", its number and all possible contents.
+    element: the type of an alias or of a SEQUENCE OF's items; of an "OPEN TYPE", the name of its content.
     number: the ROS type of an INTEGER or ENUMERATED. highest: the largest value of an INTEGER's ROS type.
     names: the values of an ENUMERATED, in order; codes: their numbers.
     """
@@ -113,9 +113,7 @@ def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
         _add(inner_name, inner_asn1, types)
 
 
-def _add_contents(
-    name: str, contents: Mapping[int, tuple[str, Any]], types: dict[str, CamType]
-) -> None:
+def _add_contents(name: str, contents: Mapping[int, tuple[str, Any]], types: dict[str, CamType]) -> None:
     """A SEQUENCE of a number and an open type: the ROS type has a field for each possible content."""
     number, data = types[name].members
     fields = tuple(

@@ -178,6 +178,11 @@ class VehicleTopics:
         return Topic(f"/{self.vehicle}/{LDM_OBJECTS}", "vision_msgs/msg/Detection3DArray")
 
     @property
+    def heard_objects(self) -> Topic:
+        """The objects of the Local Dynamic Map that other stations report."""
+        return Topic(f"/{self.vehicle}/ldm/heard_objects", "advpipe_msgs/msg/HeardObjectArray")
+
+    @property
     def gnss_fix(self) -> Topic:
         return Topic(f"/{self.vehicle}/gnss/fix", "sensor_msgs/msg/NavSatFix")
 

@@ -16,8 +16,11 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.codec.message_codec import MessageTree
+from advpipe.pipeline.v2x.cpm_section import CpmRules
 from advpipe.pipeline.v2x.facilities.cam import CamCore
 from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
+from advpipe.pipeline.v2x.facilities.cpm_tree import cpm_of_tree
+from advpipe.pipeline.v2x.facilities.heard_objects import HeardObject, heard_objects
 from advpipe.pipeline.v2x.facilities.ldm import (
     LdmReport,
     LdmSnapshot,
@@ -25,7 +28,7 @@ from advpipe.pipeline.v2x.facilities.ldm import (
     Verdict,
     reports_of_cams,
 )
-from advpipe.pipeline.v2x.message_type import CAM, is_cam, message_type_of
+from advpipe.pipeline.v2x.message_type import CAM, CPM, is_cam, message_type_of
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
@@ -115,7 +118,8 @@ class Channel:
         self._geodesy = geodesy
         self._listeners = dict(listeners)
         self._ids = np.array(sorted(listeners), np.int64)
-        self._maps = {name: LocalDynamicMap(v2x.ldm) for name in listeners.values()}
+        heard_kept_s = (v2x.cpm or CpmRules()).kept_s
+        self._maps = {name: LocalDynamicMap(v2x.ldm, heard_kept_s) for name in listeners.values()}
         self._on_air: dict[int, Sent] = {}
         self._in_transit: list[Reception] = []
         self._in_verification: list[Reception] = []
@@ -208,9 +212,17 @@ class Channel:
                 verdict = known.receive_corrupt()
             elif is_cam(sent.payload):
                 verdict = known.receive(report, arrival_ns)
-            else:  # the map holds stations alone
+            elif message_type_of(sent.payload) is CPM:
+                verdict = known.hear(self._objects(tree), arrival_ns)
+            else:  # the map holds stations and objects
                 verdict = Verdict.ACCEPTED
             yield Received(listener, sent, tree, arrival_ns, reception.power_dbm, reception.sinr_db, verdict)
+
+    def _objects(self, tree: MessageTree) -> list[HeardObject] | None:
+        try:
+            return heard_objects(cpm_of_tree(tree), self._geodesy)
+        except MessageError:  # without a position
+            return None
 
     def _open(
         self, first_arrivals_ns: Mapping[int, int]

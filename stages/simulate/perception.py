@@ -1,6 +1,8 @@
-"""What the sensors of vehicles perceive that send CPMs: the road users that a fan of rays reaches."""
+"""What the vehicles perceive that send CPMs: the road users that a fan of rays from their roofs reaches."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,6 +10,8 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.cpm_section import CpmRules
+from advpipe.pipeline.v2x.section import V2x
+from advpipe.stages.simulate.network.protocol import Network, PerceivingNetwork
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.protocol import World
 
@@ -18,41 +22,59 @@ ELEVATIONS_DEG = (-1.0, -2.5, -5.0, -10.0)
 FEWEST_RAYS = 2
 
 
-class FanPerception:
-    """Perceives the road users around a vehicle that `FEWEST_RAYS` rays from its roof reach within a range.
+class FleetPerception:
+    """Perceives the road users around each vehicle that enough rays from its roof reach within a range.
 
     Walls, trees, parked cars and other road users hide what is behind them, as for a LiDAR.
     """
 
     def __init__(self, rules: CpmRules, world: World) -> None:
-        if {"road users", "rays"} - world.offers:
-            raise UsageError(
-                "v2x.cpm needs a world with road users and rays, and a vehicle with sensors in it; leave it "
-                "out, or take world: raycast"
-            )
         self._range_m, self._world = rules.range_m, world
+        self._users: list[RoadUser] = []
         azimuth_rad = np.linspace(-np.pi, np.pi, AZIMUTHS, endpoint=False)
-        elevation_rad = np.radians(ELEVATIONS_DEG)[:, None]
-        self._directions: Float64 = np.stack(
-            [
-                np.cos(elevation_rad) * np.cos(azimuth_rad),
-                np.cos(elevation_rad) * np.sin(azimuth_rad),
-                np.broadcast_to(np.sin(elevation_rad), (len(ELEVATIONS_DEG), AZIMUTHS)),
-            ],
-            axis=-1,
-        ).reshape(-1, 3)
+        elevation_rad = np.repeat(np.radians(ELEVATIONS_DEG), AZIMUTHS)
+        azimuth_rad = np.tile(azimuth_rad, len(ELEVATIONS_DEG))
+        level = np.cos(elevation_rad)
+        self._directions: Float64 = np.column_stack(
+            [level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad)]
+        )
 
-    def perceived(self, carrier: RoadUser, users: list[RoadUser]) -> Boxes:
+    def look(self, users: Sequence[RoadUser]) -> None:
+        """Set all moving road users of this instant."""
+        self._users = list(users)
+
+    def perceived(self, carrier: RoadUser) -> Boxes:
         """The road users that a vehicle perceives, in the map's frame; parked cars are among them."""
-        around = self._world.around(carrier, users)
+        around = self._world.around(carrier, self._users)
         boxes = around.road_users(self._range_m)
         if not len(boxes):
             return boxes
         pose, height_m = carrier.map_SE3_base, carrier.variant.height_m + SENSOR_ABOVE_ROOF_M
-        origin_m = pose[:3, 3] + pose[:3, 2] * height_m
         rays = np.empty((len(self._directions), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = origin_m, self._directions @ pose[:3, :3].T
+        rays[:, :3] = pose[:3, 3] + pose[:3, 2] * height_m
+        rays[:, 3:] = self._directions @ pose[:3, :3].T
         hits = around.cast(rays, self._range_m)
         reached = hits.objects[(hits.objects >= 0) & (hits.range_m <= self._range_m)]
-        counts = np.bincount(reached, minlength=len(boxes))
-        return boxes[np.flatnonzero(counts >= FEWEST_RAYS)]
+        return boxes[np.flatnonzero(np.bincount(reached, minlength=len(boxes)) >= FEWEST_RAYS)]
+
+
+def fleet_perception(v2x: V2x, world: World, network: Network) -> FleetPerception | None:
+    """The perception of the stations that send CPMs, which `network` asks; None where there are none.
+
+    Raises UsageError for a world or network that cannot have one.
+    """
+    if not v2x.enabled or v2x.cpm is None:
+        return None
+    if not {"road users", "rays"} <= world.offers:
+        raise UsageError(
+            "v2x.cpm needs a world in which rays meet road users, and an instrumented vehicle; leave it out, "
+            "or add a vehicle"
+        )
+    if not isinstance(network, PerceivingNetwork):
+        raise UsageError(
+            f"v2x.cpm needs a network with set_perception (stages/simulate/network/protocol.py), which "
+            f"{v2x.network} has not; leave it out"
+        )
+    sight = FleetPerception(v2x.cpm, world)
+    network.set_perception(sight.perceived)
+    return sight

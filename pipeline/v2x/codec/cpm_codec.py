@@ -106,7 +106,10 @@ def _opened(number: int, data: bytes) -> Any:
 def _with_containers(tree: MessageTree, change: Callable[[int, Any], Any]) -> MessageTree:
     payload = tree["payload"]
     containers = [
-        {"containerId": each["containerId"], "containerData": change(each["containerId"], each["containerData"])}
+        {
+            "containerId": (number := each["containerId"]),
+            "containerData": change(number, each["containerData"]),
+        }
         for each in payload["cpmContainers"]
     ]
     return {**tree, "payload": {**payload, "cpmContainers": containers}}

@@ -1,4 +1,4 @@
-"""Compiles `cpm.asn` with pycrate: `python -m advpipe.pipeline.v2x.codec.cpm_compile` writes `cpm_asn1.py`."""
+"""Compiles `cpm.asn` with pycrate to `cpm_asn1.py`: `python -m advpipe.pipeline.v2x.codec.cpm_compile`."""
 
 from __future__ import annotations
 

@@ -18,7 +18,5 @@ ANGLE_CONFIDENCE = CamQuantity(
     "confidence of an angle in radians", 10 * _PER_DEGREE, 1, 125, 127, beyond=126, ceil=True
 )
 DIMENSION = CamQuantity("size of an object in metres", 10, 1, 254, 256, beyond=255, ceil=True)
-DIMENSION_CONFIDENCE = CamQuantity(
-    "confidence of a size in metres", 10, 1, 30, 32, beyond=31, ceil=True
-)
+DIMENSION_CONFIDENCE = CamQuantity("confidence of a size in metres", 10, 1, 30, 32, beyond=31, ceil=True)
 RANGE = CamQuantity("range of a sensor in metres", 10, 0, 4095, clamp=True)

@@ -111,9 +111,7 @@ class MessageCodec:
 def without_additions(value: Any) -> Any:
     """Drops unknown extensions: pycrate decodes them to `_ext_...`, but cannot encode them again."""
     if isinstance(value, dict):
-        return {
-            name: without_additions(part) for name, part in value.items() if not name.startswith("_ext_")
-        }
+        return {name: without_additions(part) for name, part in value.items() if not name.startswith("_ext_")}
     if isinstance(value, list):
         return [without_additions(part) for part in value]
     if isinstance(value, tuple) and isinstance(value[0], str):

@@ -85,9 +85,7 @@ class CpmGenerator:
         cpm = _message(state, chosen, len(objects), sensors)
         return GeneratedCpm(time_ns, encode_cpm(cpm), cpm)
 
-    def _chosen(
-        self, objects: Sequence[PerceivedObject], now: dict[int, _Included]
-    ) -> list[PerceivedObject]:
+    def _chosen(self, objects: Sequence[PerceivedObject], now: dict[int, _Included]) -> list[PerceivedObject]:
         vulnerable = [one for one in objects if one.label in VULNERABLE]
         others = [one for one in objects if one.label not in VULNERABLE]
         is_any_due = any(self._is_vulnerable_due(now[one.object_id], one.object_id) for one in vulnerable)
@@ -115,9 +113,7 @@ class CpmGenerator:
         place_deg = state.latitude_deg, state.longitude_deg
         self._anchor_deg = self._anchor_deg or place_deg
         east_m, north_m = east_north_m(*self._anchor_deg, *place_deg)
-        return _Included(
-            time_ns, east_m + one.east_m, north_m + one.north_m, one.east_mps, one.north_mps
-        )
+        return _Included(time_ns, east_m + one.east_m, north_m + one.north_m, one.east_mps, one.north_mps)
 
     def _is_sensor_information_due(self, time_ns: int) -> bool:
         last_ns = self._last_sensors_ns

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec.timestamps import unix_ns
 from advpipe.pipeline.v2x.facilities.cpm import Cpm
-from advpipe.pipeline.v2x.facilities.ldm import Verdict
+from advpipe.pipeline.v2x.facilities.verdict import Verdict
 
 _NORTHWARD_DEG = 1e-4
 
@@ -43,7 +43,7 @@ class HeardObject:
         return self.centre_m[0] + x_mps * elapsed_s, self.centre_m[1] + y_mps * elapsed_s
 
 
-def heard_objects(cpm: Cpm, received_ns: int, geodesy: Geodesy) -> list[HeardObject] | None:
+def heard_objects(cpm: Cpm, geodesy: Geodesy, received_ns: int = 0) -> list[HeardObject] | None:
     """The objects of a CPM; None for a reference position on the other side of the Earth.
 
     Without an altitude, the reference position is on the map's zero level, and an object without a height
@@ -112,15 +112,13 @@ class HeardObjects:
         verdicts = [self._judge(one, received_ns) for one in objects]
         for one, verdict in zip(objects, verdicts, strict=True):
             if verdict is Verdict.ACCEPTED:
-                self._known[one.station_id, one.object_id] = one
+                self._known[one.station_id, one.object_id] = replace(one, received_ns=received_ns)
         return verdicts[0] if verdicts and Verdict.ACCEPTED not in verdicts else Verdict.ACCEPTED
 
     def snapshot(self, now_ns: int) -> tuple[HeardObject, ...]:
         """Remove the old ones, and return the others, by station and object."""
         self._known = {
-            key: one
-            for key, one in sorted(self._known.items())
-            if one.measured_ns + self._kept_ns >= now_ns
+            key: one for key, one in sorted(self._known.items()) if one.measured_ns + self._kept_ns >= now_ns
         }
         return tuple(self._known.values())
 

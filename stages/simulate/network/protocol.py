@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import shapely
 
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario.models import Scenario
@@ -72,6 +73,15 @@ class Network(Protocol):
 
     def statistics(self) -> Statistics | None:
         """The drive's V2X statistics; None for a network without any."""
+        ...
+
+
+@runtime_checkable
+class PerceivingNetwork(Protocol):
+    """A network whose stations send what they perceive (`v2x.cpm`), besides the members of `Network`."""
+
+    def set_perception(self, perceived: Callable[[RoadUser], Boxes]) -> None:
+        """Set what each vehicle perceives now, in the map's frame; called before each `update`."""
         ...
 
 

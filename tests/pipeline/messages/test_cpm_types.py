@@ -7,13 +7,13 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from tests.pipeline.v2x.codec.test_cpm_codec import message
 
 from advpipe.pipeline.messages.cam_cdr import message_cdr
 from advpipe.pipeline.messages.cam_types import asn1_types, full_name
 from advpipe.pipeline.messages.types import message_class, type_hash, typestore
 from advpipe.pipeline.v2x.codec.cpm_codec import CONTAINERS, OBJECTS, SENSORS, CpmError
 from advpipe.pipeline.v2x.message_type import CPM
+from tests.pipeline.v2x.codec.test_cpm_codec import message
 
 HASHES = json.loads(Path(__file__).with_name("cpm_type_hashes.json").read_text())
 """RIHS01 hashes of the types that the ROS 2 package etsi_its_cpm_ts_msgs defines."""

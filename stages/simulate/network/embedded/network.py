@@ -8,11 +8,13 @@ import numpy as np
 import shapely
 
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.pipeline.v2x.cpm_section import CpmRules
 from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
 from advpipe.pipeline.v2x.message_type import CAM, message_type_of
@@ -20,6 +22,7 @@ from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.stack import PacketBuilder, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.network.embedded.cpm_service import CpmService
 from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
 from advpipe.stages.simulate.network.protocol import NetworkStep
@@ -55,6 +58,11 @@ class EmbeddedNetwork:
         self._now_ns = self._clock.stamp_ns(0)
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
+        self._perceived: Callable[[RoadUser], Boxes] = _nothing
+
+    def set_perception(self, perceived: Callable[[RoadUser], Boxes]) -> None:
+        """See `PerceivingNetwork`."""
+        self._perceived = perceived
 
     def simulate_until(self, stamp_ns: int) -> NetworkStep:
         step = self._step(stamp_ns)
@@ -121,7 +129,15 @@ class EmbeddedNetwork:
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
         active_ns = switched_on_ns(self._now_ns, clock.stamp_ns(0), clock.seed, name)
-        return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        station = Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        if self._v2x.cpm is not None and self._sends_cpms(self._v2x.cpm, name):
+            rules, perceived = self._v2x.cpm, self._perceived
+            station.services.append(CpmService(rules, clock.seed, station, active_ns, perceived))
+        return station
+
+    def _sends_cpms(self, rules: CpmRules, name: str) -> bool:
+        draw = named_generator(self._clock.seed, "v2x", "sends CPMs", name).random()
+        return name in self._instrumented or bool(draw < rules.penetration)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
         """Whether a vehicle has a station: each instrumented one, and a share of the others
@@ -140,6 +156,10 @@ class EmbeddedNetwork:
                 pass
             self._ids[name] = station_id
         return self._ids[name]
+
+
+def _nothing(_: RoadUser) -> Boxes:
+    return Boxes()
 
 
 def _copy(message: GeneratedMessage) -> int:

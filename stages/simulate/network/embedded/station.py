@@ -65,6 +65,11 @@ class Station:
         if self._dcc is not None:
             self._dcc.update(busy_ratio)
 
+    @property
+    def dcc_interval_s(self) -> float:
+        """The minimum time between two messages that congestion control allows now."""
+        return 0.0 if self._dcc is None else self._dcc.interval_s
+
     def messages_before(self, end_ns: int) -> Iterator[GeneratedMessage]:
         """The messages that it hands to its radio before `end_ns`."""
         for cam in self._cams_before(end_ns):
@@ -76,8 +81,7 @@ class Station:
         """Check the generation rules at every due instant before `end_ns`, with the newest state."""
         assert self.state is not None
         while self._next_check_ns < end_ns:
-            interval_s = self._dcc.interval_s if self._dcc is not None else 0.0
-            cam = self._generator.check(self._next_check_ns, self.state, interval_s)
+            cam = self._generator.check(self._next_check_ns, self.state, self.dcc_interval_s)
             self._next_check_ns += CHECK_INTERVAL_NS
             if cam is not None:
                 if self._dcc is not None:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
-from tests.pipeline.v2x.codec.random_values import as_asn1tools_takes_it, random_value
 
 from advpipe.pipeline.v2x.codec import cpm_asn1 as compiled
 from advpipe.pipeline.v2x.codec.cpm_codec import CONTAINERS, CPM_CODEC, OBJECTS, CpmError, asn1_part
 from advpipe.pipeline.v2x.codec.cpm_compile import asn1_text, compiled_source
 from advpipe.pipeline.v2x.codec.uper import Uper
+from tests.pipeline.v2x.codec.random_values import as_asn1tools_takes_it, random_value
 
 TYPES = ("CollectivePerceptionMessage", *CONTAINERS.values())
 
@@ -81,10 +82,8 @@ def test_corrupt_bytes_are_refused_or_read() -> None:
     for _ in range(300):
         bad = bytearray(payload)
         bad[rng.randrange(len(bad))] ^= 1 << rng.randrange(8)
-        try:
-            CPM_CODEC.decode(bytes(bad))
-        except CpmError as error:
-            assert "\n" not in str(error)
+        with suppress(CpmError):  # and nothing else
+            assert CPM_CODEC.decode(bytes(bad))
 
 
 def test_other_messages_and_values_out_of_range_are_refused() -> None:
