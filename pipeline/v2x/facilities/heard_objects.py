@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec.timestamps import unix_ns
-from advpipe.pipeline.v2x.facilities.cpm import Cpm
+from advpipe.pipeline.v2x.facilities.cpm import Cpm, PerceivedObject
 from advpipe.pipeline.v2x.facilities.verdict import Verdict
 
 _NORTHWARD_DEG = 1e-4
@@ -43,53 +44,81 @@ class HeardObject:
         return self.centre_m[0] + x_mps * elapsed_s, self.centre_m[1] + y_mps * elapsed_s
 
 
-def heard_objects(cpm: Cpm, geodesy: Geodesy, received_ns: int = 0) -> list[HeardObject] | None:
-    """The objects of a CPM; None for a reference position on the other side of the Earth.
+class MapFrame(NamedTuple):
+    """Where a CPM's reference position is on the map, and how its axes lie there.
 
-    Without an altitude, the reference position is on the map's zero level, and an object without a height
-    above it stands there.
+    at_m: x, y, z. turn_rad: from the map's x axis to the east.
+    """
+
+    at_m: tuple[float, float, float]
+    turn_rad: float
+
+    def turned(self, east: float, north: float) -> tuple[float, float]:
+        """East and north along the map's x and y."""
+        cosine, sine = math.cos(self.turn_rad), math.sin(self.turn_rad)
+        return cosine * east - sine * north, sine * east + cosine * north
+
+    def to_map(self, east_m: float, north_m: float) -> tuple[float, float]:
+        """x and y of a place east and north of the reference position."""
+        x_m, y_m = self.turned(east_m, north_m)
+        return self.at_m[0] + x_m, self.at_m[1] + y_m
+
+    def to_east_north(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """The inverse of `to_map`."""
+        cosine, sine = math.cos(self.turn_rad), math.sin(self.turn_rad)
+        x_m, y_m = x_m - self.at_m[0], y_m - self.at_m[1]
+        return cosine * x_m + sine * y_m, cosine * y_m - sine * x_m
+
+
+def map_frame(cpm: Cpm, geodesy: Geodesy) -> MapFrame | None:
+    """The frame of a CPM's reference position; None on the other side of the Earth.
+
+    Without an altitude, it is on the map's zero level.
     """
     altitude_m = cpm.altitude_m
     if altitude_m is None or not math.isfinite(altitude_m):
         altitude_m = float(geodesy.to_geographic([0.0, 0.0, 0.0])[2])
-    place = (cpm.latitude_deg, cpm.longitude_deg, altitude_m)
     if abs(cpm.latitude_deg) >= 90 or abs(cpm.longitude_deg) > 180:
         return None
-    x_m, y_m, z_m = geodesy.to_map(place).tolist()
+    x_m, y_m, z_m = geodesy.to_map((cpm.latitude_deg, cpm.longitude_deg, altitude_m)).tolist()
     north_x_m, north_y_m = geodesy.place_m(cpm.latitude_deg + _NORTHWARD_DEG, cpm.longitude_deg)
     if not math.isfinite(x_m + y_m + north_x_m + north_y_m):
         return None
-    turn_rad = math.atan2(north_y_m - y_m, north_x_m - x_m) - math.pi / 2  # of east from the map's x axis
-    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+    turn_rad = math.atan2(north_y_m - y_m, north_x_m - x_m) - math.pi / 2
+    return MapFrame((x_m, y_m, z_m), turn_rad)
+
+
+def heard_objects(cpm: Cpm, geodesy: Geodesy, received_ns: int = 0) -> list[HeardObject] | None:
+    """The objects of a CPM; None for a reference position on the other side of the Earth.
+
+    An object without a height above the reference position stands there.
+    """
+    frame = map_frame(cpm, geodesy)
+    if frame is None:
+        return None
     reference_ns = unix_ns(cpm.reference_ms)
-    found = []
-    for one in cpm.objects:
-        height_m = _number(one.height_m)
-        up_m = one.up_m if one.up_m is not None else (height_m / 2 if math.isfinite(height_m) else 0.0)
-        yaw_rad = _number(one.yaw_rad) + turn_rad
-        found.append(
-            HeardObject(
-                station_id=cpm.station_id,
-                object_id=one.object_id,
-                label=one.label,
-                measured_ns=reference_ns + one.measured_ms * 1_000_000,
-                received_ns=received_ns,
-                centre_m=(
-                    x_m + cosine * one.east_m - sine * one.north_m,
-                    y_m + sine * one.east_m + cosine * one.north_m,
-                    z_m + up_m,
-                ),
-                yaw_rad=math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
-                velocity_mps=(
-                    cosine * one.east_mps - sine * one.north_mps,
-                    sine * one.east_mps + cosine * one.north_mps,
-                ),
-                length_m=_number(one.length_m),
-                width_m=_number(one.width_m),
-                height_m=height_m,
-            )
-        )
-    return found
+    return [_heard(cpm.station_id, frame, reference_ns, received_ns, one) for one in cpm.objects]
+
+
+def _heard(
+    station_id: int, frame: MapFrame, reference_ns: int, received_ns: int, one: PerceivedObject
+) -> HeardObject:
+    height_m = _number(one.height_m)
+    up_m = one.up_m if one.up_m is not None else (height_m / 2 if math.isfinite(height_m) else 0.0)
+    yaw_rad = _number(one.yaw_rad) + frame.turn_rad
+    return HeardObject(
+        station_id=station_id,
+        object_id=one.object_id,
+        label=one.label,
+        measured_ns=reference_ns + one.measured_ms * 1_000_000,
+        received_ns=received_ns,
+        centre_m=(*frame.to_map(one.east_m, one.north_m), frame.at_m[2] + up_m),
+        yaw_rad=math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
+        velocity_mps=frame.turned(one.east_mps, one.north_mps),
+        length_m=_number(one.length_m),
+        width_m=_number(one.width_m),
+        height_m=height_m,
+    )
 
 
 class HeardObjects:

@@ -104,7 +104,9 @@ class AttackedBag:
                 kinds = MESSAGE_TYPES.values()
                 topics = own.sent_raw, *map(own.sent_values, kinds), *map(own.received_values, kinds)
                 beside = own.received_raw, own.reception_info, own.true_receptions, own.rejections
-                names |= {topic.name for topic in (*topics, *beside, own.ldm, own.ldm_objects)}
+                names |= {
+                    topic.name for topic in (*topics, *beside, own.ldm, own.ldm_objects, own.heard_objects)
+                }
         return frozenset(names)
 
     @cached_property
