@@ -45,7 +45,7 @@ import numpy as np
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.core.short_repr import short_repr
-from advpipe.pipeline.labels.claims import ALL_CLAIMS, Claim
+from advpipe.pipeline.labels.claims import KNOWN_CLAIMS, Claim
 from advpipe.pipeline.labels.declaration import DeclaredPart, Published
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -166,8 +166,9 @@ class V2xTraits(Traits):
     published_of: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if strange := [claim for claim in self.untrue if claim not in ALL_CLAIMS]:
-            raise UsageError(f"a CAM has no claim {short_repr(strange[0])}; known: {', '.join(ALL_CLAIMS)}")
+        if strange := [claim for claim in self.untrue if claim not in KNOWN_CLAIMS]:
+            known = ", ".join(KNOWN_CLAIMS)
+            raise UsageError(f"no message has a claim {short_repr(strange[0])}; known: {known}")
 
     def published_with(self, parameters: Mapping[str, Any]) -> Published:
         """The published figures of the attack with these parameters."""

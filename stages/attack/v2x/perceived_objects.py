@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.transforms import Float64, transform_points, yaw_of
+from advpipe.pipeline.labels.claims import Claim
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
@@ -25,6 +26,7 @@ from advpipe.pipeline.v2x.message_type import CPM
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 
+PERCEIVED: Claim = "perceived objects"
 NOWHERE_NEAR_M = 400.0
 """No object is reported farther than this from the station: the range of a CPM's sensors ends there."""
 
@@ -99,7 +101,7 @@ class CpmGhost(CpmAttack):
     the same number of objects. label: the class that is claimed.
     """
 
-    traits = V2xTraits(every_message_matters=True, message_types=(CPM.name,))
+    traits = V2xTraits(untrue=(PERCEIVED,), every_message_matters=True, message_types=(CPM.name,))
 
     def __init__(
         self,
@@ -179,7 +181,7 @@ class CpmRemove(CpmAttack):
     `random`, the baseline with the same number of objects.
     """
 
-    traits = V2xTraits(every_message_matters=True, message_types=(CPM.name,))
+    traits = V2xTraits(untrue=(PERCEIVED,), every_message_matters=True, message_types=(CPM.name,))
 
     def __init__(
         self, context: AttackContext, *, objects: int = 3, within_m: float = 50.0, choice: str = "nearest"
@@ -211,7 +213,7 @@ class CpmShift(CpmAttack):
     object, the baseline with the same distance.
     """
 
-    traits = V2xTraits(every_message_matters=True, message_types=(CPM.name,))
+    traits = V2xTraits(untrue=(PERCEIVED,), every_message_matters=True, message_types=(CPM.name,))
 
     def __init__(
         self,
