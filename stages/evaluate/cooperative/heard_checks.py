@@ -17,6 +17,7 @@ CORE = 0.7
 FEWEST_RAYS, FREE_SHARE = 8, 0.8
 """Space is free where so many returns, and this share of those through the core, lie behind it."""
 ITSELF_M = 4.0
+"""An object whose centre is so near to the LiDAR is the vehicle itself."""
 WITNESS_M = 40.0
 """A station within this distance of a place would perceive an object there, unless another hides it."""
 FEWEST_WITNESSES = 2
