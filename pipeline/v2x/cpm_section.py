@@ -6,7 +6,15 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.core.section import NotNegative, Number, Positive, Probability, Section, Whole
+from advpipe.pipeline.core.section import (
+    NotNegative,
+    Number,
+    Positive,
+    Probability,
+    Reference,
+    Section,
+    Whole,
+)
 
 PerceptionM = Annotated[Number, Field(ge=5, le=400)]
 """Range of a vehicle's sensors: a CPM states at most 409.5 m."""
@@ -19,6 +27,12 @@ class CpmRules(Section):
         1.0, description="share of the stations that send CPMs; instrumented vehicles always do"
     )
     range_m: PerceptionM = Field(80.0, description="range within which a station perceives road users")
+    detector: Reference | None = Field(
+        None,
+        description="detector on the clouds of instrumented vehicles, whose CPMs then hold what it finds; "
+        "null: the true road users that their sensors reach, with errors, as for all others",
+    )
+    min_score: Probability = Field(0.3, description="score from which a detection is an object")
     position_stddev_m: NotNegative = Field(
         0.2, le=20, description="standard deviation of a perceived position along each horizontal axis"
     )

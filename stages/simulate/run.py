@@ -158,7 +158,7 @@ def _drive(
     )
     footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
     network = open_network(scenario, traffic.step, footprints)
-    sight = fleet_perception(scenario.v2x, world, network)
+    sight = fleet_perception(scenario.v2x, world, network, vehicles)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
     tally = _Tally()
     for frame in track(range(clock.frames), RECORDING):
@@ -171,7 +171,7 @@ def _drive(
             if vehicle.name in drivers  # a vehicle with a trajectory exists only while it lasts
         ]
         if sight is not None:
-            sight.look(users)
+            sight.look(users, snapshots, frame * clock.step_s)
         network.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
         is_due = scenario.v2x.is_ldm_due(frame, clock.step_s)
         maps = network.local_dynamic_maps() if is_due else ()

@@ -248,7 +248,9 @@ def _class(label: str) -> tuple[str, Any]:
 
 def _label(classification: list[MessageTree]) -> str:
     """The class of the ground truth of an object's first classification."""
-    kind, value = classification[0]["objectClass"] if classification else ("", None)
+    if not classification:
+        return "unknown"
+    kind, value = classification[0]["objectClass"]
     if kind == "vehicleSubClass":
         return _LABELS_OF_VEHICLES.get(value, "unknown")
     return _LABELS_OF_VULNERABLE.get(value[0], "unknown") if kind == "vruSubClass" else "unknown"

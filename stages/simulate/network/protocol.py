@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import shapely
 
@@ -76,12 +76,19 @@ class Network(Protocol):
         ...
 
 
+class Perceived(NamedTuple):
+    """What a vehicle perceives: boxes in the map's frame. is_exact: without errors of measurement so far."""
+
+    boxes: Boxes = Boxes()
+    is_exact: bool = True
+
+
 @runtime_checkable
 class PerceivingNetwork(Protocol):
     """A network whose stations send what they perceive (`v2x.cpm`), besides the members of `Network`."""
 
-    def set_perception(self, perceived: Callable[[RoadUser], Boxes]) -> None:
-        """Set what each vehicle perceives now, in the map's frame; called before each `update`."""
+    def set_perception(self, perceived: Callable[[RoadUser], Perceived]) -> None:
+        """Set what each vehicle perceives at the newest instant; called once."""
         ...
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
+from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.geometry.transforms import Float64, yaw_of
 from advpipe.pipeline.v2x.cpm_section import CpmRules
 from advpipe.pipeline.v2x.facilities.cpm import PerceivedObject
@@ -18,6 +18,7 @@ from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station
+from advpipe.stages.simulate.network.protocol import Perceived
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 FORGOTTEN_NS = 1_000_000_000
@@ -57,8 +58,8 @@ class _Tracks:
 class CpmService:
     """See `MessageService`. perceived: what a vehicle perceives now, in the map's frame.
 
-    What is perceived is measured from the vehicle, and stated from where it believes to be: its own error of
-    position and heading moves all objects of a message together.
+    What is perceived is measured from the vehicle, with errors unless it has them already, and stated from
+    where it believes to be: its own error of position and heading moves all objects of a message together.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class CpmService:
         seed: int,
         station: Station,
         active_ns: int,
-        perceived: Callable[[RoadUser], Boxes],
+        perceived: Callable[[RoadUser], Perceived],
     ) -> None:
         self._rules, self._station, self._perceived = rules, station, perceived
         self._generator = CpmGenerator(rules)
@@ -81,10 +82,10 @@ class CpmService:
     def update(
         self, now_ns: int, state: StationState, user: RoadUser, drivers: Mapping[str, RoadUser]
     ) -> None:
-        boxes = self._perceived(user)
+        perceived = self._perceived(user)
         self._state = state
-        tracks = self._tracks.update(now_ns, boxes.ids)
-        self._objects = self._measured(now_ns, state, user, boxes, tracks)
+        tracks = self._tracks.update(now_ns, perceived.boxes.ids)
+        self._objects = self._measured(now_ns, state, user, perceived, tracks)
 
     def messages_before(self, end_ns: int) -> Iterator[GeneratedMessage]:
         assert self._state is not None
@@ -97,10 +98,10 @@ class CpmService:
                 yield GeneratedMessage(at_ns, made.payload)
 
     def _measured(
-        self, now_ns: int, state: StationState, user: RoadUser, boxes: Boxes, tracks: list[_Track]
+        self, now_ns: int, state: StationState, user: RoadUser, perceived: Perceived, tracks: list[_Track]
     ) -> list[PerceivedObject]:
-        rules, count = self._rules, len(boxes)
-        noise = self._rng.standard_normal((count, 5))
+        rules, boxes = self._rules, perceived.boxes
+        noise = self._rng.standard_normal((len(boxes), 5)) * perceived.is_exact
         pose = user.map_SE3_base
         front_m = pose[:3, 3] + pose[:3, 0] * user.variant.length_m / 2
         east_north = _east_north(state.heading_rad)

@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
@@ -25,7 +24,7 @@ from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.embedded.cpm_service import CpmService
 from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
-from advpipe.stages.simulate.network.protocol import NetworkStep
+from advpipe.stages.simulate.network.protocol import NetworkStep, Perceived
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
@@ -58,9 +57,9 @@ class EmbeddedNetwork:
         self._now_ns = self._clock.stamp_ns(0)
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
-        self._perceived: Callable[[RoadUser], Boxes] = _nothing
+        self._perceived: Callable[[RoadUser], Perceived] = _nothing
 
-    def set_perception(self, perceived: Callable[[RoadUser], Boxes]) -> None:
+    def set_perception(self, perceived: Callable[[RoadUser], Perceived]) -> None:
         """See `PerceivingNetwork`."""
         self._perceived = perceived
 
@@ -158,8 +157,8 @@ class EmbeddedNetwork:
         return self._ids[name]
 
 
-def _nothing(_: RoadUser) -> Boxes:
-    return Boxes()
+def _nothing(_: RoadUser) -> Perceived:
+    return Perceived()
 
 
 def _copy(message: GeneratedMessage) -> int:

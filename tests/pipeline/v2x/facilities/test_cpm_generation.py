@@ -10,6 +10,7 @@ from advpipe.pipeline.v2x.facilities.cpm_generation import CpmGenerator, Generat
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 
 STEP_NS = 100_000_000
+START_NS = 1_800_000_000 * 10**9
 STATE = StationState(
     station_id=1,
     station_type=5,
