@@ -58,6 +58,7 @@ class DetectedObjects:
 
     def _followed(self, boxes: Boxes, now_s: float) -> Boxes:
         """The boxes with names and velocities; each track takes the nearest box of its class."""
+        self._tracks = [track for track in self._tracks if now_s - track.seen_s <= KEPT_S]
         free = list(range(len(boxes)))
         tracks: list[_Followed | None] = [None] * len(boxes)
         for track in self._tracks:
@@ -80,7 +81,6 @@ class DetectedObjects:
             new = _Followed(f"detected {self._count}", int(boxes.labels[index]), at_m, np.zeros(3), now_s)
             self._tracks.append(new)
             tracks[index] = new
-        self._tracks = [track for track in self._tracks if now_s - track.seen_s <= KEPT_S]
         named = [track for track in tracks if track is not None]
         velocities: Float64 = np.array([track.velocity_mps for track in named]).reshape(-1, 3)
         return Boxes(boxes.geometry, boxes.labels, tuple(track.name for track in named), velocities)
