@@ -37,7 +37,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec, Credentials
 from advpipe.pipeline.v2x.channel import Channel, Sent
-from advpipe.pipeline.v2x.message_type import CAM, MESSAGE_TYPES, message_type_of
+from advpipe.pipeline.v2x.message_type import CAM, CPM, MESSAGE_TYPES, message_type_of
 from advpipe.stages.attack.debug import DebugMessages, claims_message
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
@@ -129,6 +129,10 @@ def _credentials(attacks: Sequence[AttackSpec], built: Sequence[V2xAttack]) -> d
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
     attack = build_attack(spec, V2X_ATTACKS.find(spec.type), context)
+    if CPM.name in attack.traits.message_types and context.v2x.cpm is None:
+        raise UsageError(
+            f"{spec.type} attacks CPMs, of which the drive has none; record it with v2x.cpm: {{}}"
+        )
     if (
         attack.traits.needs_traffic
         and spec.attackers is not None

@@ -140,6 +140,11 @@ def test_bad_parameters_are_refused(drive: BagReader) -> None:
             forged(drive, name, **keys)
 
 
+def test_a_drive_without_cpms_is_refused(recorded) -> None:
+    with pytest.raises(UsageError, match="of which the drive has none"):
+        forged(recorded("simulation.duration_s=1", "traffic.vehicles=8"), "cpm-ghost")
+
+
 def test_labels_tell_which_objects_are_false_and_the_bag_is_verified(
     drive: BagReader, tmp_path: Path
 ) -> None:
