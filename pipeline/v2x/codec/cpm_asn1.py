@@ -311,7 +311,7 @@ class AdvpipeCollectivePerception:
     WrappedCpmContainers = SEQ_OF(name='WrappedCpmContainers', mode=MODE_TYPE)
     _WrappedCpmContainers__item_ = SEQ(name='_item_', mode=MODE_TYPE, typeref=ASN1RefType(('AdvpipeCollectivePerception', 'WrappedCpmContainer')))
     WrappedCpmContainers._cont = _WrappedCpmContainers__item_
-    WrappedCpmContainers._const_sz = ASN1Set(rv=[], rr=[ASN1RangeInt(lb=1, ub=8)], ev=[], er=[])
+    WrappedCpmContainers._const_sz = ASN1Set(rv=[], rr=[ASN1RangeInt(lb=1, ub=8)], ev=None, er=[])
 
     #-----< WrappedCpmContainer >-----#
     WrappedCpmContainer = SEQ(name='WrappedCpmContainer', mode=MODE_TYPE)
@@ -547,6 +547,7 @@ class AdvpipeCollectivePerception:
     #-----< ObjectClass >-----#
     ObjectClass = CHOICE(name='ObjectClass', mode=MODE_TYPE)
     _ObjectClass_vehicleSubClass = INT(name='vehicleSubClass', mode=MODE_TYPE, tag=(0, TAG_CONTEXT_SPEC, TAG_IMPLICIT), typeref=ASN1RefType(('AdvpipeCollectivePerception', 'TrafficParticipantType')))
+    _ObjectClass_vehicleSubClass._const_val = ASN1Set(rv=[], rr=[ASN1RangeInt(lb=0, ub=14)], ev=None, er=[])
     _ObjectClass_vruSubClass = CHOICE(name='vruSubClass', mode=MODE_TYPE, tag=(1, TAG_CONTEXT_SPEC, TAG_EXPLICIT), typeref=ASN1RefType(('AdvpipeCollectivePerception', 'VruProfileAndSubprofile')))
     _ObjectClass_groupSubClass = SEQ(name='groupSubClass', mode=MODE_TYPE, tag=(2, TAG_CONTEXT_SPEC, TAG_IMPLICIT), typeref=ASN1RefType(('AdvpipeCollectivePerception', 'VruClusterInformation')))
     _ObjectClass_otherSubClass = INT(name='otherSubClass', mode=MODE_TYPE, tag=(3, TAG_CONTEXT_SPEC, TAG_IMPLICIT), typeref=ASN1RefType(('AdvpipeCollectivePerception', 'OtherSubClass')))
