@@ -81,7 +81,8 @@ class EmbeddedNetwork:
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
         for station in self._by_id:
-            for service in station.services if station.state is not None else ():
+            assert station.state is not None
+            for service in station.services:
                 service.update(self._now_ns, station.state, station.user, drivers)
         self.radios = tuple(station.place for station in self._by_id)
 
