@@ -75,7 +75,10 @@ class Station:
         for cam in self._cams_before(end_ns):
             yield GeneratedMessage(cam.time_ns, cam.payload, cam.cam)
         for service in self.services:
-            yield from service.messages_before(end_ns)
+            for made in service.messages_before(end_ns):
+                if self._dcc is not None:
+                    self._dcc.sent(len(made.payload))
+                yield made
 
     def _cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
         """Check the generation rules at every due instant before `end_ns`, with the newest state."""
