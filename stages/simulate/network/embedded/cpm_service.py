@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,9 +73,9 @@ class CpmService:
         self._rules, self._station, self._perceived = rules, station, perceived
         self._generator = CpmGenerator(rules)
         self._rng = named_generator(seed, "v2x", "perception", station.user.id)
-        phases = named_generator(seed, "v2x", "CPM check phase", station.user.id)
-        self._next_check_ns = active_ns + int(phases.integers(CHECK_INTERVAL_NS))
-        self._tracks = _Tracks(int(phases.integers(MOST_IDS)))
+        self._ids = named_generator(seed, "v2x", "CPM check phase", station.user.id)
+        self._next_check_ns = active_ns + int(self._ids.integers(CHECK_INTERVAL_NS))
+        self._tracks = _Tracks(int(self._ids.integers(MOST_IDS)))
         self._state: StationState | None = None
         self._objects: list[PerceivedObject] = []
 
@@ -86,6 +86,19 @@ class CpmService:
         self._state = state
         tracks = self._tracks.update(now_ns, perceived.boxes.ids)
         self._objects = self._measured(now_ns, state, user, perceived, tracks)
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it has an event to report, for which the station keeps its pseudonym; CPMs have none."""
+        return False
+
+    def rename(self, pseudonym: int) -> None:
+        """Take another station id, and other ids for all objects, which would tell the change otherwise."""
+        self._tracks = _Tracks(int(self._ids.integers(MOST_IDS)))
+        self._generator = CpmGenerator(self._rules)
+        self._objects = []
+        if self._state is not None:
+            self._state = replace(self._state, station_id=pseudonym)
 
     def messages_before(self, end_ns: int) -> Iterator[GeneratedMessage]:
         assert self._state is not None
