@@ -164,6 +164,7 @@ def _done_by(preset: Any) -> str:
 
 def figures(section: str) -> str:
     """The meanings of a section's values, in the report's own words, with their keys in `report.json`."""
+    from advpipe.stages.evaluate.cooperative import collective
     from advpipe.stages.evaluate.cooperative import section as cooperative
     from advpipe.stages.evaluate.coordinated import section as coordinated
     from advpipe.stages.evaluate.kitti import section as kitti
@@ -180,6 +181,7 @@ def figures(section: str) -> str:
         "localisation": localisation.FORMULAS,
         "v2x": v2x.FORMULAS,
         "cooperative": cooperative.FORMULAS,
+        "collective_perception": collective.FORMULAS,
         "coordinated": coordinated.FORMULAS,
         "radar": radar.FORMULAS,
     }[section]

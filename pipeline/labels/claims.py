@@ -17,8 +17,9 @@ Claim = Literal[
     "station id",
     "station type",
     "generation time",
+    "perceived objects",
 ]
-ALL_CLAIMS: tuple[Claim, ...] = get_args(Claim)
+KNOWN_CLAIMS: tuple[Claim, ...] = get_args(Claim)
 
 CLAIM_FIELDS: Mapping[Claim, tuple[str, ...]] = {
     "position": ("latitude_deg", "longitude_deg", "altitude_m"),
@@ -32,6 +33,9 @@ CLAIM_FIELDS: Mapping[Claim, tuple[str, ...]] = {
     "generation time": ("generation_delta_time_ms",),
 }
 """All of `cam_values.FIELDS`, by the claim that they state."""
+
+ALL_CLAIMS: tuple[Claim, ...] = tuple(CLAIM_FIELDS)
+"""All claims of a CAM; CPMs claim perceived objects, too."""
 
 _CLAIM_OF = {field: claim for claim, fields in CLAIM_FIELDS.items() for field in fields}
 

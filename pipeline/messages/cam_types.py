@@ -1,45 +1,49 @@
-"""The 94 message types of etsi_its_cam_msgs, derived from pycrate's ASN.1 definition of the CAM.
+"""The message types of etsi_its_cam_msgs and its siblings, derived from pycrate's ASN.1 definitions.
 
-The ROS 2 package is generated from the same ASN.1 (EN 302 637-2 v1.4.1) by regular rules: one type for each
-ASN.1 type, with fields in snake case; a number, an enumeration, a bool or a string is the field `value`;
-OPTIONAL adds `bool <field>_is_present` after the field; a CHOICE is `uint8 choice` and all alternatives; a
-SEQUENCE OF is `array`; a BIT STRING is bytes and the number of unused bits.
+The ROS 2 packages are generated from the same ASN.1 (94 types from EN 302 637-2 v1.4.1) by regular rules: one
+type for each ASN.1 type, with fields in snake case; a number, an enumeration, a bool or a string is the field
+`value`; OPTIONAL adds `bool <field>_is_present` after the field; a CHOICE is `uint8 choice` and all
+alternatives; a SEQUENCE OF is `array`; a BIT STRING is bytes and the number of unused bits.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 from rosbags.interfaces import Nodetype
 
-from advpipe.pipeline.v2x.codec.codec import asn1_cam
+from advpipe.pipeline.v2x.message_type import CAM, MESSAGE_TYPES
 
-PACKAGE = "etsi_its_cam_msgs"
+PACKAGE = CAM.ros_package
+_STRINGS = ("IA5String", "NumericString", "UTF8String")
 
 _BYTES = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("uint8", 0)), 0))
 
 
 @dataclass(frozen=True)
 class Member:
-    """One part of a SEQUENCE or CHOICE. type: a name in `cam_types`; "" for a number of ROS type `number`."""
+    """One part of a SEQUENCE or CHOICE. type: a name in `asn1_types`; "" for a basic ROS type, `number`."""
 
     asn1_name: str
     field: str
     type: str
     number: str
     optional: bool
+    package: str = PACKAGE
 
 
 @dataclass(frozen=True)
 class CamType:
     """One ASN.1 type. kind: its ASN.1 keyword, or "alias" for a type that renames another.
 
-    members: the parts of a SEQUENCE or CHOICE. element: the type of an alias or of a SEQUENCE OF's items.
+    members: the parts of a SEQUENCE or CHOICE; of an "OPEN TYPE", its number and all possible contents.
+    element: the type of an alias or of a SEQUENCE OF's items; of an "OPEN TYPE", the name of its content.
     number: the ROS type of an INTEGER or ENUMERATED. highest: the largest value of an INTEGER's ROS type.
-    names: the values of an ENUMERATED, in order.
+    names: the values of an ENUMERATED, in order; codes: their numbers.
     """
 
     kind: str
@@ -48,24 +52,39 @@ class CamType:
     number: str = ""
     highest: int = 0
     names: tuple[str, ...] = ()
+    codes: tuple[int, ...] = ()
+    package: str = PACKAGE
 
 
 @cache
+def asn1_types(package: str) -> dict[str, CamType]:
+    """Every type in a package's message by its name, such as "StationType"."""
+    types: dict[str, CamType] = {}
+    (message,) = (each for each in MESSAGE_TYPES.values() if each.ros_package == package)
+    _add(message.ros_type, message.codec.asn1, types)
+    for name, contents in message.codec.open_types.items():
+        _add_contents(name, contents, types)
+    return {
+        name: replace(
+            each, package=package, members=tuple(replace(one, package=package) for one in each.members)
+        )
+        for name, each in types.items()
+    }
+
+
 def cam_types() -> dict[str, CamType]:
     """Every type in a CAM by its name, such as "StationType"."""
-    types: dict[str, CamType] = {}
-    _add("CAM", asn1_cam(), types)
-    return types
+    return asn1_types(PACKAGE)
 
 
-def definitions() -> dict[str, Any]:
-    """The definitions of all types by their full name, as rosbags registers them."""
-    return {full_name(name): ([], _fields(cam_type)) for name, cam_type in cam_types().items()}
+def definitions(package: str = PACKAGE) -> dict[str, Any]:
+    """The definitions of all types of a package by their full name, as rosbags registers them."""
+    return {full_name(name, package): ([], _fields(each)) for name, each in asn1_types(package).items()}
 
 
-def full_name(name: str) -> str:
+def full_name(name: str, package: str = PACKAGE) -> str:
     """The ROS 2 name of a type."""
-    return f"{PACKAGE}/msg/{name}"
+    return f"{package}/msg/{name}"
 
 
 def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
@@ -83,7 +102,8 @@ def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
         types[name] = CamType(kind, element=_reference(asn1._cont) or "")
         inner = [(types[name].element, _referred(asn1._cont))]
     elif kind == "ENUMERATED":
-        types[name] = CamType(kind, number=_number(0, len(asn1._cont) - 1), names=tuple(asn1._cont))
+        codes = tuple(asn1._cont.values())
+        types[name] = CamType(kind, number=_number(0, max(codes)), names=tuple(asn1._cont), codes=codes)
     elif kind == "INTEGER":
         number = _number_of(asn1)
         types[name] = CamType(kind, number=number, highest=_highest(number))
@@ -93,9 +113,21 @@ def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
         _add(inner_name, inner_asn1, types)
 
 
+def _add_contents(name: str, contents: Mapping[int, tuple[str, Any]], types: dict[str, CamType]) -> None:
+    """A SEQUENCE of a number and an open type: the ROS type has a field for each possible content."""
+    number, data = types[name].members
+    fields = tuple(
+        Member(str(each), f"{data.field}_{_snake_case(type_name)}", type_name, "", False)
+        for each, (type_name, _) in contents.items()
+    )
+    types[name] = CamType("OPEN TYPE", (number, *fields), element=data.asn1_name)
+    for type_name, asn1 in contents.values():
+        _add(type_name, asn1, types)
+
+
 def _member(asn1_name: str, asn1: Any) -> Member:
     type_name = _reference(asn1) or ""
-    number = "" if type_name else _number_of(asn1)
+    number = "" if type_name else _basic(asn1)
     return Member(asn1_name, _snake_case(asn1_name), type_name, number, bool(asn1._opt))
 
 
@@ -106,6 +138,15 @@ def _reference(asn1: Any) -> str | None:
 
 def _referred(asn1: Any) -> Any:
     return asn1._typeref.get()
+
+
+def _basic(asn1: Any) -> str:
+    """The ROS type of a part without a type of its own."""
+    if asn1.TYPE in _STRINGS:
+        return "string"
+    if asn1.TYPE == "OCTET STRING":
+        return ""  # an open type: `_add_contents`
+    return "bool" if asn1.TYPE == "BOOLEAN" else _number_of(asn1)
 
 
 def _number_of(asn1: Any) -> str:
@@ -128,26 +169,30 @@ def _highest(number: str) -> int:
 
 
 def _snake_case(name: str) -> str:
-    """`cenDsrcTollingZoneID` to `cen_dsrc_tolling_zone_id`."""
+    """`cenDsrcTollingZoneID` to `cen_dsrc_tolling_zone_id`, `wMInumber` to `w_m_inumber`."""
+    name = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", name)
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def _fields(cam_type: CamType) -> list[tuple[str, Any]]:
     kind, base = cam_type.kind, Nodetype.BASE
-    if kind in ("SEQUENCE", "CHOICE"):
+    element = full_name(cam_type.element, cam_type.package)
+    if kind in ("SEQUENCE", "CHOICE", "OPEN TYPE"):
         fields: list[tuple[str, Any]] = [("choice", (base, ("uint8", 0)))] if kind == "CHOICE" else []
         for member in cam_type.members:
-            named = (Nodetype.NAME, full_name(member.type))
+            named = (Nodetype.NAME, full_name(member.type, member.package))
             fields.append((member.field, named if member.type else (base, (member.number, 0))))
             if member.optional:
                 fields.append((f"{member.field}_is_present", (base, ("bool", 0))))
         return fields
     if kind == "SEQUENCE OF":
-        return [("array", (Nodetype.SEQUENCE, ((Nodetype.NAME, full_name(cam_type.element)), 0)))]
+        return [("array", (Nodetype.SEQUENCE, ((Nodetype.NAME, element), 0)))]
     if kind == "alias":
-        return [("value", (Nodetype.NAME, full_name(cam_type.element)))]
+        return [("value", (Nodetype.NAME, element))]
     if kind == "BIT STRING":
         return [("value", _BYTES), ("bits_unused", (base, ("uint8", 0)))]
     if kind == "OCTET STRING":
         return [("value", _BYTES)]
+    if kind in _STRINGS:
+        return [("value", (base, ("string", 0)))]
     return [("value", (base, ("bool" if kind == "BOOLEAN" else cam_type.number, 0)))]

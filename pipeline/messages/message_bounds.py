@@ -223,6 +223,15 @@ def _road_users(message: Any) -> Problems:
         yield from _finite((v for v in [user.occlusion] if not math.isnan(v)), 1.0, "the occlusion")
 
 
+def _heard_objects(message: Any) -> Problems:
+    yield from _header(message.header)
+    for each in message.objects:
+        yield from _name(each.class_id, "class")
+        yield from _finite(_xyz(each.centre), FARTHEST_M, "the position")
+        values = (each.velocity_x, each.velocity_y, each.yaw, each.length, each.width, each.height)
+        yield from _finite((value for value in values if not math.isnan(value)), FASTEST, "a value")
+
+
 def _label_coverage(message: Any) -> Problems:
     yield from _header(message.header)
     for region in (*message.labelled, *message.ignored):
@@ -261,6 +270,7 @@ def _text(message: Any) -> Problems:
 
 
 _CHECKS: dict[str, Callable[[Any], Problems]] = {
+    "advpipe_msgs/msg/HeardObjectArray": _heard_objects,
     "advpipe_msgs/msg/ImageLabelArray": _image_labels,
     "advpipe_msgs/msg/LabelCoverage": _label_coverage,
     "advpipe_msgs/msg/RoadUserArray": _road_users,

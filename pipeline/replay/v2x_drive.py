@@ -60,6 +60,11 @@ class V2xDrive:
         self.stations = read_stations(reader, until_ns)
         self.listeners = {number: name for number, name in self.stations.items() if name in info.vehicles}
 
+    @property
+    def geodesy(self) -> Geodesy:
+        """The map's frame on the Earth."""
+        return Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
+
     def channel(self, decoder: Callable[[bytes], CamTree] | None = None) -> Channel:
         """The medium and the Local Dynamic Maps in their state at the start of the drive.
 
@@ -71,9 +76,8 @@ class V2xDrive:
                 f"{self._reader.path} was recorded with v2x.network {self.v2x.network}; messages can be "
                 "replayed through the embedded network only"
             )
-        geodesy = Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
         stack = ReceiverStack(self.v2x, self.seed, self.start_ns) if self.v2x.has_packets else None
-        return Channel(self.v2x, self.seed, geodesy, self.listeners, self._buildings(), decoder, stack)
+        return Channel(self.v2x, self.seed, self.geodesy, self.listeners, self._buildings(), decoder, stack)
 
     def steps(self) -> Iterator[V2xStep]:
         """Yield all steps of the drive, as `read_steps` does."""

@@ -9,6 +9,7 @@ from dataclasses import is_dataclass
 from typing import Any, Union, get_args, get_origin
 
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.results.collective_perception import CollectivePerceptionRecord
 from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.deprecated import DEPRECATED_KEYS, old_key
@@ -61,6 +62,7 @@ def report_schema() -> Schema:
         "localisation": LocalisationRecord,
         "v2x": V2xRecord,
         "cooperative": CooperativeRecord,
+        "collective_perception": CollectivePerceptionRecord,
         "coordinated": CoordinatedRecord,
         "radar": RadarRecord,
         "radar_detection": RadarDetectionRecord,

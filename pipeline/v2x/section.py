@@ -17,6 +17,7 @@ from advpipe.pipeline.core.section import (
     Switch,
     Whole,
 )
+from advpipe.pipeline.v2x.cpm_section import CpmRules
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Bitrates of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); they scale with the bandwidth."""
@@ -263,6 +264,9 @@ class V2x(Section):
     cam: CamRules = CamRules()
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
+    cpm: CpmRules | None = Field(
+        None, description="collective perception: stations send CPMs with what they perceive; null: none do"
+    )
     geonetworking: Switch = Field(
         False,
         description="record every packet with its GeoNetworking headers, and count its true bytes on the air",
@@ -283,7 +287,12 @@ class V2x(Section):
     def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Drives without packets and security are recorded as before there were any."""
         return _recorded(
-            self, handler(self), geonetworking=False, security="none", security_rules=SecurityRules()
+            self,
+            handler(self),
+            cpm=None,
+            geonetworking=False,
+            security="none",
+            security_rules=SecurityRules(),
         )
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
+from advpipe.stages.evaluate.cooperative.collective import collective_sections as collective
 from advpipe.stages.evaluate.cooperative.section import cooperative_sections as cooperative
 from advpipe.stages.evaluate.coordinated.effects import DetectedFrames
 from advpipe.stages.evaluate.coordinated.section import coordinated_sections as coordinated
@@ -41,7 +42,7 @@ def added_sections(
     judged = partial(v2x, detectors=options.misbehaviour)
     sections = [
         section
-        for family in (seen, localisation, judged, radar)
+        for family in (seen, localisation, judged, collective, radar)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
     if window.end_ns is not None:

@@ -16,6 +16,7 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.live.stream import LiveStream
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build, topics
+from advpipe.pipeline.messages.heard_objects import heard_objects_cdr
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.markers import Lane, lane_markers
 from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
@@ -142,6 +143,8 @@ class Recorder:
             topic = VehicleTopics(vehicle)
             self._step.append((topic.ldm, ldm_snapshot_cdr(snapshot), stamp_ns))
             self._step.append((topic.ldm_objects, ldm_detections_cdr(snapshot), stamp_ns))
+            if self._scenario.v2x.cpm is not None:
+                self._step.append((topic.heard_objects, heard_objects_cdr(snapshot), stamp_ns))
 
     def _record_onboard(self, snapshot: VehicleSnapshot) -> None:
         topic = VehicleTopics(snapshot.vehicle)

@@ -26,6 +26,7 @@ from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
 from advpipe.stages.simulate.network.registry import open_network
+from advpipe.stages.simulate.perception import fleet_perception
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
@@ -153,6 +154,7 @@ def _drive(
     )
     footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
     network = open_network(scenario, traffic.step, footprints)
+    sight = fleet_perception(scenario.v2x, world, network, vehicles)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
     tally = _Tally()
     for frame in track(range(clock.frames), RECORDING):
@@ -165,6 +167,8 @@ def _drive(
             for vehicle in vehicles
             if vehicle.name in drivers  # a vehicle with a trajectory exists only while it lasts
         ]
+        if sight is not None:
+            sight.look(users, snapshots, frame * clock.step_s)
         network.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
         is_due = scenario.v2x.is_ldm_due(frame, clock.step_s)
         maps = network.local_dynamic_maps() if is_due else ()

@@ -14,6 +14,7 @@ from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_attackers import DEFAULT
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, V2xAttack
 from advpipe.stages.attack.v2x.build import build_attack
@@ -100,6 +101,8 @@ class CamAttacks:
             numbers=self._numbers,
         )
         attack = build_attack(spec, attack_class, context)
+        if CAM.name not in attack.traits.message_types:
+            raise UsageError(f"{spec.type} attacks no CAMs, all that a relay changes of V2X; leave it out")
         is_unit = spec.attackers is not None and spec.attackers.roadside_unit is not None
         if attack.traits.needs_traffic and is_unit:
             raise UsageError(

@@ -95,3 +95,22 @@ class AccelerationControl(IntFlag):
     ACC = 1 << 2
     CRUISE_CONTROL = 1 << 1
     SPEED_LIMITER = 1 << 0
+
+
+class SensorType(IntEnum):
+    """`sensorType` of ETSI TS 102 894-2 v2.1.1."""
+
+    UNDEFINED = 0
+    RADAR = 1
+    LIDAR = 2
+    MONO_VIDEO = 3
+    STEREO_VISION = 4
+    NIGHT_VISION = 5
+    ULTRASONIC = 6
+    PMD = 7
+    INDUCTION_LOOP = 8
+    SPHERICAL_CAMERA = 9
+    UWB = 10
+    ACOUSTIC = 11
+    LOCAL_AGGREGATION = 12
+    ITS_AGGREGATION = 13

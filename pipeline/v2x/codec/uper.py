@@ -52,7 +52,19 @@ class Uper:
 
 
 def _part(asn1: Any) -> _Part:
-    return _PARTS[asn1.TYPE](asn1)
+    return _PARTS.get(asn1.TYPE, _never_plain)(asn1)
+
+
+def _never_plain(_: Any) -> _Part:
+    """A text, or another type that messages hardly ever hold."""
+
+    def write(value: Any, bits: int) -> int:
+        raise NotPlain
+
+    def read(bits: int, left: int) -> tuple[Any, int]:
+        raise NotPlain
+
+    return _Part(write, read)
 
 
 def _number(low: int, high: int, extensible: bool) -> _Part:
@@ -132,8 +144,29 @@ def _bit_string(asn1: Any) -> _Part:
     return _Part(write, read)
 
 
+def _unbounded_count() -> _Part:
+    """A number without an upper bound: one byte below 128, two below 16,384; longer ones are in fragments."""
+
+    def write(value: int, bits: int) -> int:
+        if value >= 1 << 14:
+            raise NotPlain
+        return bits << 8 | value if value < 1 << 7 else bits << 16 | 1 << 15 | value
+
+    def read(bits: int, left: int) -> tuple[int, int]:
+        left -= 8
+        value = bits >> left & 0xFF
+        if value < 1 << 7:
+            return value, left
+        if value >= 0b11 << 6:
+            raise NotPlain
+        left -= 8
+        return bits >> left & (1 << 14) - 1, left
+
+    return _Part(write, read)
+
+
 def _octet_string(asn1: Any) -> _Part:
-    count = _count(asn1)
+    count = _unbounded_count() if asn1._const_sz is None else _count(asn1)
 
     def write(value: bytes, bits: int) -> int:
         return count.write(len(value), bits) << 8 * len(value) | int.from_bytes(value, "big")
@@ -168,12 +201,18 @@ def _sequence_of(asn1: Any) -> _Part:
 
 
 def _sequence(asn1: Any) -> _Part:
-    """A zero if it can be extended, a bit for each optional member, the members."""
-    members = [(name, bool(part._opt), *_part(part)) for name, part in _root(asn1)]
+    """A zero if it can be extended, a bit for each optional member, the members.
+
+    A member that has its default value is left out.
+    """
+    defaults = {name: part._def for name, part in _root(asn1) if part._def is not None}
+    members = [(name, bool(part._opt) or name in defaults, *_part(part)) for name, part in _root(asn1)]
     optional = [name for name, is_optional, _, _ in members if is_optional]
     preamble = len(optional) + (asn1._ext is not None)
 
     def write(value: dict[str, Any], bits: int) -> int:
+        if defaults:
+            value = {name: part for name, part in value.items() if part != defaults.get(name)}
         present = 0
         for name in optional:
             present = present << 1 | (name in value)
@@ -197,6 +236,8 @@ def _sequence(asn1: Any) -> _Part:
             if is_optional:
                 flag >>= 1
                 if not present & flag:
+                    if name in defaults:
+                        value[name] = defaults[name]
                     continue
             value[name], left = read_member(bits, left)
         return value, left

@@ -6,32 +6,17 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns
 from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
+from advpipe.pipeline.v2x.facilities.heard_objects import HeardObject, HeardObjects
+from advpipe.pipeline.v2x.facilities.verdict import Verdict as Verdict
 from advpipe.pipeline.v2x.section import LdmRules
 
 _NORTHWARD_DEG = 1e-4
-
-
-class Verdict(IntEnum):
-    """How a Local Dynamic Map handled a received message."""
-
-    ACCEPTED = 0
-    CORRUPT = 1
-    """Not a CAM."""
-    UNPLACED = 2
-    """A CAM without a position."""
-    EXPIRED = 3
-    """Generated longer ago than entries are kept."""
-    FUTURE = 4
-    """Generated in the future by more than entries are kept."""
-    SUPERSEDED = 5
-    """Generated before the existing entry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +107,14 @@ class Entry:
 class LdmSnapshot:
     """All entries at one time, sorted by station id, as received and not extrapolated.
 
-    verdicts: how many messages have had each verdict so far.
+    verdicts: how many CAMs have had each verdict so far. heard: objects that other stations report in CPMs,
+    by station and object.
     """
 
     time_ns: int
     entries: tuple[Entry, ...]
     verdicts: dict[Verdict, int]
+    heard: tuple[HeardObject, ...] = ()
 
     def age_s(self, entry: Entry) -> float:
         """Time since the entry's generation."""
@@ -139,14 +126,20 @@ class LocalDynamicMap:
 
     A report is accepted unless its generation time is older than entries are kept or as far in the
     future, as in Artery. With `keep: newest`, a report generated before the existing one is rejected;
-    with `latest` it replaces that one, as in Artery. Station ids are trusted, even the vehicle's own.
+    with `latest` it replaces that one, as in Artery. Station ids are trusted, even the vehicle's own. Objects
+    heard of in CPMs are kept apart, for `heard_kept_s`.
     """
 
-    def __init__(self, rules: LdmRules) -> None:
+    def __init__(self, rules: LdmRules, heard_kept_s: float = 1.5) -> None:
         self._keep_ns = round(rules.expiry_s * 1e9)
         self._replaces_newer = rules.keep == "latest"
         self._entries: dict[int, Entry] = {}
         self._verdicts: Counter[Verdict] = Counter()
+        self._heard = HeardObjects(heard_kept_s)
+
+    def hear(self, objects: Sequence[HeardObject] | None, received_ns: int) -> Verdict:
+        """Process the objects of a received CPM; None stands for one without a position."""
+        return self._heard.receive(objects, received_ns)
 
     def receive(self, report: LdmReport | None, received_ns: int) -> Verdict:
         """Process a received CAM's report; None stands for a CAM without a position."""
@@ -169,7 +162,7 @@ class LocalDynamicMap:
             if not self._is_expired(entry.report, now_ns)
         }
         counts = {verdict: self._verdicts[verdict] for verdict in Verdict}
-        return LdmSnapshot(now_ns, tuple(self._entries.values()), counts)
+        return LdmSnapshot(now_ns, tuple(self._entries.values()), counts, self._heard.snapshot(now_ns))
 
     def _judge(self, report: LdmReport, now_ns: int) -> Verdict:
         if self._is_expired(report, now_ns):

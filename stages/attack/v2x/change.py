@@ -13,6 +13,7 @@ from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.mcap.channel import RawMessage, StampedCdr, Topic
+from advpipe.pipeline.messages.heard_objects import heard_objects_cdr
 from advpipe.pipeline.messages.ldm import ldm_detections_cdr, ldm_snapshot_cdr
 from advpipe.pipeline.messages.topics import (
     V2X_PACKETS,
@@ -36,6 +37,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec, Credentials
 from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.pipeline.v2x.message_type import CAM, CPM, MESSAGE_TYPES, message_type_of
 from advpipe.stages.attack.debug import DebugMessages, claims_message
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
@@ -44,6 +46,7 @@ from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
 from advpipe.stages.attack.v2x.labels import Labels
+from advpipe.stages.attack.v2x.object_labels import ObjectLabels
 from advpipe.stages.attack.v2x.packets import AttackedPackets
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
@@ -126,6 +129,10 @@ def _credentials(attacks: Sequence[AttackSpec], built: Sequence[V2xAttack]) -> d
 
 def _build(spec: AttackSpec, context: AttackContext) -> V2xAttack:
     attack = build_attack(spec, V2X_ATTACKS.find(spec.type), context)
+    if CPM.name in attack.traits.message_types and context.v2x.cpm is None:
+        raise UsageError(
+            f"{spec.type} attacks CPMs, of which the drive has none; record it with v2x.cpm: {{}}"
+        )
     if (
         attack.traits.needs_traffic
         and spec.attackers is not None
@@ -158,6 +165,7 @@ class V2xChange:
         self._drive, self._units, self._editors = drive, tuple(selection.units), editors
         self._labels, self._congestion, self._debug = labels, congestion, debug
         self._packets = packets
+        self._object_labels = ObjectLabels(drive.geodesy)
         self._cams = labels.cams
         own = {number: VehicleTopics(name) for number, name in drive.listeners.items()}
         self._own = own
@@ -203,11 +211,15 @@ class V2xChange:
         if self._stage != "done":
             raise RuntimeError("labels are complete only after all messages have been iterated")
         self._labels.write(folder)
+        self._object_labels.write(folder)
 
     def counts(self) -> Counter[str]:
         """The numbers of CAMs that were changed, added, delayed, dropped, made invalid, corrupt before the
         attack, or held back by the benign stations' congestion control; and the attacks that met no CAM."""
-        counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
+        attacks = [each for each in self._editors if isinstance(each, V2xAttack)]
+        kinds = {name.upper() for each in attacks for name in each.traits.message_types} or {"CAM"}
+        plural = " and ".join(f"{kind}s" for kind in sorted(kinds))
+        counts = Counter({f"{plural} {what}": count for what, count in self._labels.counts.items()})
         for editor_index, editor in enumerate(self._editors):
             if isinstance(editor, V2xAttack) and editor_index not in self._labels.touching:
                 counts[f"attack that met no CAM: {editor.name}"] += 1
@@ -225,8 +237,9 @@ class V2xChange:
         self._labels.begin(step.sent)
         sent = list(step.sent)
         for editor_index, editor in enumerate(self._editors):
-            before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
+            before, sent = sent, sorted(_edited(editor, step, sent), key=_order)
             self._labels.compare(editor_index, editor, before, sent)
+            self._object_labels.compare(editor.name, before, sent)
         kept = self._congestion.allowed(step, sent) if self._congestion else sent
         return self._packets.packed(step.sent, kept)
 
@@ -252,6 +265,8 @@ class V2xChange:
                 topics, snapshot = VehicleTopics(name), channel.snapshot(name, now_ns)
                 yield topics.ldm, ldm_snapshot_cdr(snapshot), now_ns
                 yield topics.ldm_objects, ldm_detections_cdr(snapshot), now_ns
+                if self._drive.v2x.cpm is not None:
+                    yield topics.heard_objects, heard_objects_cdr(snapshot), now_ns
 
     def _send(self, channel: Channel, step: V2xStep) -> Iterator[StampedCdr]:
         sent = list[Sent]()
@@ -274,6 +289,14 @@ class V2xChange:
         yield from map(rejected_message, result.rejected)
 
 
+def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
+    """The messages after an editor, which sees those of its types alone."""
+    names = editor.traits.message_types if isinstance(editor, V2xAttack) else (CAM.name,)
+    seen = tuple(one for one in sent if message_type_of(one.payload).name in names)
+    others = [one for one in sent if message_type_of(one.payload).name not in names]
+    return [*editor.edit(step, seen), *others]
+
+
 def _order(sent: Sent) -> tuple[int, int]:
     return sent.request_ns, sent.number
 
@@ -283,9 +306,11 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 
 
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
-    sent, maps = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
-    received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
-    return *sent, *received, topics.rejections, *maps
+    kinds = MESSAGE_TYPES.values()
+    sent, received = map(topics.sent_values, kinds), map(topics.received_values, kinds)
+    raw = topics.sent_raw, topics.received_raw, topics.reception_info, topics.true_receptions
+    maps = topics.ldm, topics.ldm_objects, topics.heard_objects
+    return *sent, *received, *raw, topics.rejections, *maps
 
 
 @cache

@@ -28,6 +28,7 @@ from advpipe.pipeline.messages.debug import FALSE, NOT_SENT, TRUE, ClaimedPositi
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import has_effect
+from advpipe.pipeline.v2x.message_type import is_cam
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
@@ -205,7 +206,8 @@ class Labels:
             self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
-        return attack.context.acts(message) and self.cams.open(message.payload) is None
+        is_cam_of_attacker = is_cam(message.payload) and attack.context.acts(message)
+        return is_cam_of_attacker and self.cams.open(message.payload) is None
 
     def _genuine(self, message: Sent) -> bytes | None:
         """The latest genuine message of the station that a message claims to be from."""

@@ -84,6 +84,15 @@ def _add_streams(add: Add[V2xAttack]) -> None:
     add("cam-ghost-brake", GhostBrake)
 
 
+def _add_collective_perception(add: Add[V2xAttack]) -> None:
+    """Attacks on the objects in CPMs."""
+    from advpipe.stages.attack.v2x.perceived_objects import CpmGhost, CpmRemove, CpmShift
+
+    add("cpm-ghost", CpmGhost)
+    add("cpm-remove", CpmRemove)
+    add("cpm-shift", CpmShift)
+
+
 def _add_all(add: Add[V2xAttack]) -> None:
     from advpipe.stages.attack.v2x.published import f2md, nextgen, veremi
 
@@ -95,6 +104,7 @@ def _add_all(add: Add[V2xAttack]) -> None:
 
     _add_claims(add_with_presets)
     _add_streams(add_with_presets)
+    _add_collective_perception(add)
 
 
 V2X_ATTACKS = FamilyRegistry[V2xAttack]("v2x", _add_all)

@@ -82,7 +82,7 @@ class Alignment:
 
     def __init__(self, reader: BagReader, pair: Pair, *, true: bool = False) -> None:
         self._reader = reader
-        mounted = _mounted(reader)
+        mounted = mounted_sensors(reader)
         self._ends: list[tuple[Poses, Float64]] = []
         for topics in (pair.own, pair.other):
             reported = topics.true_odometry if true else topics.odometry
@@ -127,7 +127,7 @@ def misalignment_deg(aligned: Float64, true: Float64) -> float:
     return float(2 * np.degrees(np.arcsin(min(half_sine, 1.0))))
 
 
-def _mounted(reader: BagReader) -> dict[tuple[str, str], Float64]:
+def mounted_sensors(reader: BagReader) -> dict[tuple[str, str], Float64]:
     if TF_STATIC.name not in reader.topics:
         return {}
     return {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import shapely
 
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.scenario.models import Scenario
@@ -72,6 +73,22 @@ class Network(Protocol):
 
     def statistics(self) -> Statistics | None:
         """The drive's V2X statistics; None for a network without any."""
+        ...
+
+
+class Perceived(NamedTuple):
+    """What a vehicle perceives: boxes in the map's frame. is_exact: without errors of measurement so far."""
+
+    boxes: Boxes = Boxes()
+    is_exact: bool = True
+
+
+@runtime_checkable
+class PerceivingNetwork(Protocol):
+    """A network whose stations send what they perceive (`v2x.cpm`), besides the members of `Network`."""
+
+    def set_perception(self, perceived: Callable[[RoadUser], Perceived]) -> None:
+        """Set what each vehicle perceives at the newest instant; called once."""
         ...
 
 

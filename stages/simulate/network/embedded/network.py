@@ -13,14 +13,18 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
-from advpipe.pipeline.v2x.facilities.generation import GeneratedCam, switched_on_ns
+from advpipe.pipeline.v2x.cpm_section import CpmRules
+from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
+from advpipe.pipeline.v2x.message_type import CAM, message_type_of
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.stack import PacketBuilder, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.network.embedded.cpm_service import CpmService
+from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
-from advpipe.stages.simulate.network.protocol import NetworkStep
+from advpipe.stages.simulate.network.protocol import NetworkStep, Perceived
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
@@ -53,6 +57,11 @@ class EmbeddedNetwork:
         self._now_ns = self._clock.stamp_ns(0)
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
+        self._perceived: Callable[[RoadUser], Perceived] = _nothing
+
+    def set_perception(self, perceived: Callable[[RoadUser], Perceived]) -> None:
+        """See `PerceivingNetwork`."""
+        self._perceived = perceived
 
     def simulate_until(self, stamp_ns: int) -> NetworkStep:
         step = self._step(stamp_ns)
@@ -71,6 +80,10 @@ class EmbeddedNetwork:
                 self._stations[name].user = user
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
+        for station in self._by_id:
+            assert station.state is not None
+            for service in station.services:
+                service.update(self._now_ns, station.state, station.user, drivers)
         self.radios = tuple(station.place for station in self._by_id)
 
     def local_dynamic_maps(self) -> list[tuple[str, LdmSnapshot]]:
@@ -88,14 +101,15 @@ class EmbeddedNetwork:
         if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: no station is known yet
             return NetworkStep(until_ns)
         stations = self._by_id
-        due = [(cam, station) for station in stations for cam in station.cams_before(until_ns)]
+        due = [(one, station) for station in stations for one in station.messages_before(until_ns)]
         due.sort(key=lambda item: (item[0].time_ns, item[1].id))
-        times_ns = np.array([cam.time_ns for cam, _ in due], np.int64)
-        keys = message_keys(np.array([station.id for _, station in due], np.int64), times_ns)
+        times_ns = np.array([one.time_ns for one, _ in due], np.int64)
+        ids = np.array([station.id for _, station in due], np.int64)
+        keys = message_keys(ids, times_ns, np.array([_copy(one) for one, _ in due], np.int64))
         power_dbm = self._v2x.radio.transmit_power_dbm
         sent = tuple(
-            Sent(number, key, station.id, cam.time_ns, cam.payload, power_dbm, self._packet(station, cam))
-            for number, (key, (cam, station)) in enumerate(
+            Sent(number, key, station.id, one.time_ns, one.payload, power_dbm, self._packet(station, one))
+            for number, (key, (one, station)) in enumerate(
                 zip(keys.tolist(), due, strict=True), start=self._messages
             )
         )
@@ -106,16 +120,24 @@ class EmbeddedNetwork:
                 station.update_channel_load(busy_ratio)
         return NetworkStep(until_ns, sent, result.received, result.rejected)
 
-    def _packet(self, station: Station, cam: GeneratedCam) -> bytes:
-        """The packet around a CAM; empty in a drive without."""
+    def _packet(self, station: Station, message: GeneratedMessage) -> bytes:
+        """The packet around a message; empty in a drive without."""
         if self._packets is None:
             return b""
-        return self._packets.packet(station.id, cam.time_ns, cam.payload, cam.cam)
+        return self._packets.packet(station.id, message.time_ns, message.payload, message.cam)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
         active_ns = switched_on_ns(self._now_ns, clock.stamp_ns(0), clock.seed, name)
-        return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        station = Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        if self._v2x.cpm is not None and self._sends_cpms(self._v2x.cpm, name):
+            rules, perceived = self._v2x.cpm, self._perceived
+            station.services.append(CpmService(rules, clock.seed, station, active_ns, perceived))
+        return station
+
+    def _sends_cpms(self, rules: CpmRules, name: str) -> bool:
+        draw = named_generator(self._clock.seed, "v2x", "sends CPMs", name).random()
+        return name in self._instrumented or bool(draw < rules.penetration)
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
         """Whether a vehicle has a station: each instrumented one, and a share of the others
@@ -134,3 +156,13 @@ class EmbeddedNetwork:
                 pass
             self._ids[name] = station_id
         return self._ids[name]
+
+
+def _nothing(_: RoadUser) -> Perceived:
+    return Perceived()
+
+
+def _copy(message: GeneratedMessage) -> int:
+    """Tells messages of several types apart that a station generates at the same time; 0 for a CAM."""
+    kind = message_type_of(message.payload)
+    return 0 if kind is CAM else kind.message_id

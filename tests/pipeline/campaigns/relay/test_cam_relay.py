@@ -21,6 +21,7 @@ from advpipe.pipeline.messages.v2x import udp_packet_cdr
 from advpipe.pipeline.v2x.codec.btp import cam_payload
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.stages.attack.v2x import labels as labels_module
+from advpipe.stages.attack.v2x.base import v2x_traits
 from advpipe.stages.attack.v2x.cams import field_of
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
@@ -161,7 +162,11 @@ EVERY_TIME = ("cam-position-offset", "cam-replay", "cam-delay", "cam-sybil-grid"
 
 @pytest.mark.parametrize(
     "name",
-    [name if name in EVERY_TIME else pytest.param(name, marks=pytest.mark.nightly) for name in V2X_ATTACKS],
+    [
+        name if name in EVERY_TIME else pytest.param(name, marks=pytest.mark.nightly)
+        for name, attack_class in V2X_ATTACKS.items()
+        if "cam" in v2x_traits(attack_class).message_types
+    ],
 )
 def test_every_attack(tmp_path: Path, name: str) -> None:
     """On two stations, around a third; each touches messages, within the bounds that it declares."""
@@ -171,6 +176,11 @@ def test_every_attack(tmp_path: Path, name: str) -> None:
     sent = run(tmp_path, attack, tenths=60 if name == "cam-sybil-replay" else 30)
     assert len(labels(tmp_path / "bag")) > 0
     assert len(on(RAW, sent)) > 0
+
+
+def test_attacks_on_other_messages_than_cams_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cpm-ghost attacks no CAMs"):
+        run(tmp_path, {"type": "cpm-ghost", "attackers": {"vehicles": ["102"]}})
 
 
 @pytest.mark.parametrize("share", [0.0001, 1.0])
