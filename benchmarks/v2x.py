@@ -36,6 +36,7 @@ from advpipe.pipeline.messages import v2x as bag_v2x
 from advpipe.pipeline.scenario import Scenario, load_scenario
 from advpipe.pipeline.v2x import channel as channel_module
 from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.pipeline.v2x.codec import message_codec
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities import generation
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
@@ -54,10 +55,9 @@ STEP_NS = 100_000_000
 
 CODEC = (
     (generation, "encode_cam"),
-    (channel_module, "decode_cam_tree"),
+    (message_codec.MessageCodec, "decode"),
     (channel_module, "core_of_tree"),
-    (bag_v2x, "decode_cam_tree"),
-    (bag_v2x, "cam_cdr"),
+    (bag_v2x, "message_cdr"),
     (bag_v2x, "udp_packet_cdr"),
     (recorder, "sent_message"),
     (recorder, "stations_message"),

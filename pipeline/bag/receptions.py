@@ -11,8 +11,9 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import VehicleTopics
-from advpipe.pipeline.v2x.codec.btp import cam_payload
+from advpipe.pipeline.v2x.codec.btp import parse_btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.message_type import CAM, MessageType, message_type_at
 
 _RECEIVED = VehicleTopics("").received_raw.name.removeprefix("/")
 
@@ -23,7 +24,7 @@ _Place = tuple[int, int]
 class RecordedReception(NamedTuple):
     """A message that a vehicle received.
 
-    payload: the CAM in UPER, or what poses as one; None for a packet that is for no receiver of CAMs.
+    payload: the message in UPER, or what poses as one; None for a packet that is for no known receiver.
     power_dbm, sinr_db: NaN where not recorded. number: of the message in /v2x/sent that it truly
     was; station_id: of the radio that sent it. Both None where not recorded.
     """
@@ -43,9 +44,11 @@ def receiving_vehicles(reader: BagReader) -> list[str]:
 
 
 def recorded_receptions(
-    reader: BagReader, vehicle: str, last_ns: int | None = None
+    reader: BagReader, vehicle: str, last_ns: int | None = None, kind: MessageType = CAM
 ) -> list[RecordedReception]:
-    """What a vehicle received, by arrival; of log times up to `last_ns`, included.
+    """The messages of a type that a vehicle received, by arrival; of log times up to `last_ns`, included.
+
+    A packet that is for no known receiver counts as a CAM.
 
     Reads `v2x/rx/raw` and, where they are, `v2x/rx/info` and `ground_truth/receptions`, which belong
     together by their stamps. Raises AdvpipeError for topics of other types, and for a message beside
@@ -63,7 +66,10 @@ def recorded_receptions(
                 f"{topics.received_raw.name}; record it again"
             )
     return [
-        _reception(place[0], packets[place], infos.get(place), truths.get(place)) for place in sorted(packets)
+        _reception(place[0], payload, infos.get(place), truths.get(place))
+        for place in sorted(packets)
+        for found, payload in [_message(packets[place])]
+        if found is kind
     ]
 
 
@@ -83,11 +89,17 @@ def _by_place(reader: BagReader, topic: Topic, last_ns: int | None) -> dict[_Pla
     return found
 
 
-def _reception(arrival_ns: int, packet: Any, info: Any, truth: Any) -> RecordedReception:
+def _message(packet: Any) -> tuple[MessageType, bytes | None]:
+    """What a packet of BTP-B holds, by its port."""
     try:
-        payload = cam_payload(bytes(packet.data))
+        port, _, payload = parse_btp_packet(bytes(packet.data))
     except CamError:
-        payload = None
+        return CAM, None
+    kind = message_type_at(port)
+    return (CAM, None) if kind is None else (kind, payload)
+
+
+def _reception(arrival_ns: int, payload: bytes | None, info: Any, truth: Any) -> RecordedReception:
     return RecordedReception(
         arrival_ns,
         payload,

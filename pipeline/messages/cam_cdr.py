@@ -1,4 +1,4 @@
-"""Serialises the ASN.1 values of a CAM as etsi_its_cam_msgs/CAM, without intermediate message objects.
+"""Serialises the ASN.1 values of a message as etsi_its_cam_msgs/CAM or a sibling, without message objects.
 
 For each type, one writing function is made once. A part that a CAM omits is always written as the same bytes,
 apart from their alignment.
@@ -11,10 +11,10 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from advpipe.pipeline.messages.cam_types import CamType, Member, cam_types
+from advpipe.pipeline.messages.cam_types import CamType, Member, asn1_types
 from advpipe.pipeline.messages.cdr import Cdr
-from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree
+from advpipe.pipeline.v2x.codec.message_codec import MessageTree
+from advpipe.pipeline.v2x.message_type import CAM, MessageType
 
 Write = Callable[[Any, Cdr], None]
 
@@ -23,20 +23,34 @@ _FORMATS |= {f"u{name}": code.upper() for name, code in _FORMATS.items()}
 _ALIGNMENTS = 8
 
 
-def cam_cdr(tree: CamTree) -> bytes:
-    """The serialised message. Raises CamError for values of a later release, which it cannot hold."""
+def cam_cdr(tree: MessageTree) -> bytes:
+    """The serialised CAM. Raises CamError for values of a later release, which it cannot hold."""
+    return message_cdr(CAM, tree)
+
+
+def message_cdr(message: MessageType, tree: MessageTree) -> bytes:
+    """The serialised message. Raises the codec's error for values of a later release."""
     cdr = Cdr()
     try:
-        _writer("CAM")(tree, cdr)
+        _writer(message.ros_package, message.ros_type)(tree, cdr)
     except (KeyError, struct.error, OverflowError) as error:
-        raise CamError(f"etsi_its_cam_msgs/CAM cannot hold a value of this CAM: {error}") from None
+        where = f"{message.ros_package}/{message.ros_type}"
+        raise message.codec.error(
+            f"{where} cannot hold a value of this {message.codec.name}: {error}"
+        ) from None
     return bytes(cdr)
 
 
 @cache
-def _writer(name: str) -> Write:
-    cam_type = cam_types()[name]
+def _writer(package: str, name: str) -> Write:
+    cam_type = asn1_types(package)[name]
     return _WRITERS[cam_type.kind](cam_type)
+
+
+def _basic(number: str) -> Write:
+    if number == "string":
+        return lambda value, cdr: cdr.string(value)
+    return _boolean() if number == "bool" else _number(number)
 
 
 def _number(number: str) -> Write:
@@ -64,7 +78,7 @@ def _enumerated(cam_type: CamType) -> Write:
     return write
 
 
-def _boolean(_: CamType) -> Write:
+def _boolean(_: CamType | None = None) -> Write:
     return lambda value, cdr: cdr.uint8(bool(value))
 
 
@@ -82,12 +96,16 @@ def _octet_string(_: CamType) -> Write:
     return lambda value, cdr: cdr.octets(value)
 
 
+def _string(_: CamType) -> Write:
+    return _basic("string")
+
+
 def _alias(cam_type: CamType) -> Write:
-    return _writer(cam_type.element)
+    return _writer(cam_type.package, cam_type.element)
 
 
 def _sequence_of(cam_type: CamType) -> Write:
-    item = _writer(cam_type.element)
+    item = _writer(cam_type.package, cam_type.element)
 
     def write(values: list[Any], cdr: Cdr) -> None:
         cdr.uint32(len(values))
@@ -134,7 +152,7 @@ def _choice(cam_type: CamType) -> Write:
 
 
 def _part(member: Member) -> Write:
-    return _writer(member.type) if member.type else _number(member.number)
+    return _writer(member.package, member.type) if member.type else _basic(member.number)
 
 
 def _absent(member: Member) -> Callable[[Cdr], None]:
@@ -143,7 +161,7 @@ def _absent(member: Member) -> Callable[[Cdr], None]:
     for offset in range(_ALIGNMENTS):
         cdr = Cdr()
         cdr.body += bytes(offset)
-        _part(member)(_empty(member.type) if member.type else 0, cdr)
+        _part(member)(_empty_part(member), cdr)
         by_alignment.append(bytes(cdr.body[offset:]))
 
     def write(cdr: Cdr) -> None:
@@ -152,30 +170,36 @@ def _absent(member: Member) -> Callable[[Cdr], None]:
     return write
 
 
+def _empty_part(member: Member) -> Any:
+    if member.type:
+        return _empty(member.package, member.type)
+    return "" if member.number == "string" else 0
+
+
 @cache
-def _empty(name: str) -> Any:
+def _empty(package: str, name: str) -> Any:
     """The value of a new ROS 2 message: zeros; a CHOICE takes its first alternative."""
-    cam_type = cam_types()[name]
+    cam_type = asn1_types(package)[name]
     match cam_type.kind:
         case "SEQUENCE":
             return {
-                member.asn1_name: _empty(member.type) if member.type else 0
-                for member in cam_type.members
-                if not member.optional
+                member.asn1_name: _empty_part(member) for member in cam_type.members if not member.optional
             }
         case "CHOICE":
             first = cam_type.members[0]
-            return first.asn1_name, _empty(first.type) if first.type else 0
+            return first.asn1_name, _empty_part(first)
         case "SEQUENCE OF":
             return []
         case "alias":
-            return _empty(cam_type.element)
+            return _empty(package, cam_type.element)
         case "ENUMERATED":
             return cam_type.names[0]
         case "BIT STRING":
             return 0, 0
         case "OCTET STRING":
             return b""
+        case "IA5String" | "NumericString" | "UTF8String":
+            return ""
     return 0
 
 
@@ -185,6 +209,9 @@ _WRITERS: dict[str, Callable[[CamType], Write]] = {
     "BOOLEAN": _boolean,
     "BIT STRING": _bit_string,
     "OCTET STRING": _octet_string,
+    "IA5String": _string,
+    "NumericString": _string,
+    "UTF8String": _string,
     "alias": _alias,
     "SEQUENCE OF": _sequence_of,
     "SEQUENCE": _sequence,

@@ -1,36 +1,38 @@
-"""The 94 message types of etsi_its_cam_msgs, derived from pycrate's ASN.1 definition of the CAM.
+"""The message types of etsi_its_cam_msgs and its siblings, derived from pycrate's ASN.1 definitions.
 
-The ROS 2 package is generated from the same ASN.1 (EN 302 637-2 v1.4.1) by regular rules: one type for each
-ASN.1 type, with fields in snake case; a number, an enumeration, a bool or a string is the field `value`;
-OPTIONAL adds `bool <field>_is_present` after the field; a CHOICE is `uint8 choice` and all alternatives; a
-SEQUENCE OF is `array`; a BIT STRING is bytes and the number of unused bits.
+The ROS 2 packages are generated from the same ASN.1 (94 types from EN 302 637-2 v1.4.1) by regular rules: one
+type for each ASN.1 type, with fields in snake case; a number, an enumeration, a bool or a string is the field
+`value`; OPTIONAL adds `bool <field>_is_present` after the field; a CHOICE is `uint8 choice` and all
+alternatives; a SEQUENCE OF is `array`; a BIT STRING is bytes and the number of unused bits.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 from rosbags.interfaces import Nodetype
 
-from advpipe.pipeline.v2x.codec.codec import asn1_cam
+from advpipe.pipeline.v2x.message_type import CAM, MESSAGE_TYPES
 
-PACKAGE = "etsi_its_cam_msgs"
+PACKAGE = CAM.ros_package
+_STRINGS = ("IA5String", "NumericString", "UTF8String")
 
 _BYTES = (Nodetype.SEQUENCE, ((Nodetype.BASE, ("uint8", 0)), 0))
 
 
 @dataclass(frozen=True)
 class Member:
-    """One part of a SEQUENCE or CHOICE. type: a name in `cam_types`; "" for a number of ROS type `number`."""
+    """One part of a SEQUENCE or CHOICE. type: a name in `asn1_types`; "" for a basic ROS type, `number`."""
 
     asn1_name: str
     field: str
     type: str
     number: str
     optional: bool
+    package: str = PACKAGE
 
 
 @dataclass(frozen=True)
@@ -48,24 +50,36 @@ class CamType:
     number: str = ""
     highest: int = 0
     names: tuple[str, ...] = ()
+    package: str = PACKAGE
 
 
 @cache
+def asn1_types(package: str) -> dict[str, CamType]:
+    """Every type in a package's message by its name, such as "StationType"."""
+    types: dict[str, CamType] = {}
+    (message,) = (each for each in MESSAGE_TYPES.values() if each.ros_package == package)
+    _add(message.ros_type, message.codec.asn1, types)
+    return {
+        name: replace(
+            each, package=package, members=tuple(replace(one, package=package) for one in each.members)
+        )
+        for name, each in types.items()
+    }
+
+
 def cam_types() -> dict[str, CamType]:
     """Every type in a CAM by its name, such as "StationType"."""
-    types: dict[str, CamType] = {}
-    _add("CAM", asn1_cam(), types)
-    return types
+    return asn1_types(PACKAGE)
 
 
-def definitions() -> dict[str, Any]:
-    """The definitions of all types by their full name, as rosbags registers them."""
-    return {full_name(name): ([], _fields(cam_type)) for name, cam_type in cam_types().items()}
+def definitions(package: str = PACKAGE) -> dict[str, Any]:
+    """The definitions of all types of a package by their full name, as rosbags registers them."""
+    return {full_name(name, package): ([], _fields(each)) for name, each in asn1_types(package).items()}
 
 
-def full_name(name: str) -> str:
+def full_name(name: str, package: str = PACKAGE) -> str:
     """The ROS 2 name of a type."""
-    return f"{PACKAGE}/msg/{name}"
+    return f"{package}/msg/{name}"
 
 
 def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
@@ -95,7 +109,7 @@ def _add(name: str, asn1: Any, types: dict[str, CamType]) -> None:
 
 def _member(asn1_name: str, asn1: Any) -> Member:
     type_name = _reference(asn1) or ""
-    number = "" if type_name else _number_of(asn1)
+    number = "" if type_name else _basic(asn1)
     return Member(asn1_name, _snake_case(asn1_name), type_name, number, bool(asn1._opt))
 
 
@@ -106,6 +120,13 @@ def _reference(asn1: Any) -> str | None:
 
 def _referred(asn1: Any) -> Any:
     return asn1._typeref.get()
+
+
+def _basic(asn1: Any) -> str:
+    """The ROS type of a part without a type of its own."""
+    if asn1.TYPE in _STRINGS:
+        return "string"
+    return "bool" if asn1.TYPE == "BOOLEAN" else _number_of(asn1)
 
 
 def _number_of(asn1: Any) -> str:
@@ -128,26 +149,30 @@ def _highest(number: str) -> int:
 
 
 def _snake_case(name: str) -> str:
-    """`cenDsrcTollingZoneID` to `cen_dsrc_tolling_zone_id`."""
+    """`cenDsrcTollingZoneID` to `cen_dsrc_tolling_zone_id`, `wMInumber` to `w_m_inumber`."""
+    name = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", name)
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def _fields(cam_type: CamType) -> list[tuple[str, Any]]:
     kind, base = cam_type.kind, Nodetype.BASE
+    element = full_name(cam_type.element, cam_type.package)
     if kind in ("SEQUENCE", "CHOICE"):
         fields: list[tuple[str, Any]] = [("choice", (base, ("uint8", 0)))] if kind == "CHOICE" else []
         for member in cam_type.members:
-            named = (Nodetype.NAME, full_name(member.type))
+            named = (Nodetype.NAME, full_name(member.type, member.package))
             fields.append((member.field, named if member.type else (base, (member.number, 0))))
             if member.optional:
                 fields.append((f"{member.field}_is_present", (base, ("bool", 0))))
         return fields
     if kind == "SEQUENCE OF":
-        return [("array", (Nodetype.SEQUENCE, ((Nodetype.NAME, full_name(cam_type.element)), 0)))]
+        return [("array", (Nodetype.SEQUENCE, ((Nodetype.NAME, element), 0)))]
     if kind == "alias":
-        return [("value", (Nodetype.NAME, full_name(cam_type.element)))]
+        return [("value", (Nodetype.NAME, element))]
     if kind == "BIT STRING":
         return [("value", _BYTES), ("bits_unused", (base, ("uint8", 0)))]
     if kind == "OCTET STRING":
         return [("value", _BYTES)]
+    if kind in _STRINGS:
+        return [("value", (base, ("string", 0)))]
     return [("value", (base, ("bool" if kind == "BOOLEAN" else cam_type.number, 0)))]

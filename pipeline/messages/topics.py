@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.mcap.qos import keep_last
+from advpipe.pipeline.v2x.message_type import CAM, MessageType
 
 MAP_FRAME = "map"
 
@@ -130,16 +131,24 @@ class VehicleTopics:
 
     @property
     def sent_cam(self) -> Topic:
-        return Topic(f"/{self.vehicle}/v2x/tx/cam", "etsi_its_cam_msgs/msg/CAM", keep_last(100))
+        return self.sent_values(CAM)
+
+    def sent_values(self, message: MessageType) -> Topic:
+        """The values of the messages of a type that it sends."""
+        return Topic(f"/{self.vehicle}/v2x/tx/{message.name}", message.ros_name, keep_last(100))
 
     @property
     def received_raw(self) -> Topic:
-        """The messages that it receives, as bytes, including those that are not valid CAMs."""
+        """The messages that it receives, as bytes, including those that are not valid."""
         return Topic(f"/{self.vehicle}/v2x/rx/raw", "udp_msgs/msg/UdpPacket", keep_last(100))
 
     @property
     def received_cam(self) -> Topic:
-        return Topic(f"/{self.vehicle}/v2x/rx/cam", "etsi_its_cam_msgs/msg/CAM", keep_last(100))
+        return self.received_values(CAM)
+
+    def received_values(self, message: MessageType) -> Topic:
+        """The values of the messages of a type that it receives."""
+        return Topic(f"/{self.vehicle}/v2x/rx/{message.name}", message.ros_name, keep_last(100))
 
     @property
     def reception_info(self) -> Topic:

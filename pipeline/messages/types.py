@@ -1,4 +1,4 @@
-"""Message types: those of ROS 2 Humble, and those of CAMs, vision_msgs, udp_msgs and advpipe_msgs."""
+"""Message types: those of ROS 2 Humble, of CAMs and their like, vision_msgs, udp_msgs and advpipe_msgs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rosbags.typesys.store import Typestore
 
 _PACKAGE_FOLDERS = {"vision_msgs": "vision_msgs", "udp_msgs": "udp_msgs", "advpipe_msgs": "msg"}
 _LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
-_CAM_PACKAGE = "etsi_its_cam_msgs/"
+_ASN1_PREFIX = "etsi_its_"
+"""Packages whose types follow from ASN.1."""
 
 _IDL_STRINGS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 """Strings and comments of IDL."""
@@ -28,7 +29,8 @@ UNROLLED_LIMIT = 4096
 def typestore() -> Typestore:
     """All message types that advpipe writes: one store for the process, read-only by convention.
 
-    The types of CAMs are added when a function below first needs one of them, since that takes a moment.
+    The types of CAMs and their siblings are added when a function below first needs one of them, since that
+    takes a moment.
     """
     store = get_typestore(Stores.ROS2_HUMBLE)
     definitions = files("advpipe.pipeline.messages.msgs")
@@ -108,13 +110,14 @@ def serialise(message: object, type_name: str) -> bytes:
 
 
 def _store_of(type_name: str) -> Typestore:
-    return _typestore_with_cams() if type_name.startswith(_CAM_PACKAGE) else typestore()
+    package = type_name.partition("/")[0]
+    return _typestore_with(package) if package.startswith(_ASN1_PREFIX) else typestore()
 
 
 @cache
-def _typestore_with_cams() -> Typestore:
+def _typestore_with(package: str) -> Typestore:
     from advpipe.pipeline.messages.cam_types import definitions
 
     store = typestore()
-    store.register(definitions())
+    store.register(definitions(package))
     return store

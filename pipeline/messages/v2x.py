@@ -14,13 +14,14 @@ import numpy as np
 from advpipe.pipeline.geometry.transforms import Float64, quaternion_of_rows
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.cam_cdr import cam_cdr
+from advpipe.pipeline.messages.cam_cdr import message_cdr
 from advpipe.pipeline.messages.cdr import Cdr
 from advpipe.pipeline.messages.topics import V2X_PACKETS, V2X_SENT, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.v2x.channel import Received, Rejected, Sent
 from advpipe.pipeline.v2x.codec.btp import btp_packet
-from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
+from advpipe.pipeline.v2x.codec.cam_error import MessageError
+from advpipe.pipeline.v2x.codec.message_codec import MessageTree
+from advpipe.pipeline.v2x.message_type import MessageType, message_type_of
 from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.radio.vehicle_loss import Bodies
 from advpipe.pipeline.v2x.section import V2x
@@ -131,27 +132,36 @@ def sent_of_message(message: Any) -> Sent:
 
 
 def own_messages(topics: VehicleTopics, sent: Sent) -> Iterator[StampedCdr]:
-    """Yield the messages for a vehicle's own transmission: its bytes, and its values if it is a CAM."""
+    """Yield the messages for a vehicle's own transmission: its bytes, and its values if it is valid."""
+    kind = message_type_of(sent.payload)
     try:
-        tree = decode_cam_tree(sent.payload)
-    except CamError:
+        tree = kind.codec.decode(sent.payload)
+    except MessageError:
         tree = None
-    yield from _packet(topics.sent_raw, topics.sent_cam, sent.payload, tree, sent.request_ns)
+    values = topics.sent_values(kind)
+    yield from _packet(topics.sent_raw, values, kind, sent.payload, tree, sent.request_ns)
 
 
 def received_messages(received: Received) -> Iterator[StampedCdr]:
-    """Yield the messages for one reception: its bytes, its values if it is a CAM, its power and SINR, and the
+    """Yield the messages for one reception: its bytes, its values if it is valid, its power and SINR, and the
     true transmission."""
-    raw, cam, info, truth = _topics_received(received.listener)
-    yield from _packet(raw, cam, received.sent.payload, received.tree, received.arrival_ns)
+    raw, info, truth = _topics_received(received.listener)
+    kind = message_type_of(received.sent.payload)
+    values = _values_received(received.listener, kind)
+    yield from _packet(raw, values, kind, received.sent.payload, received.tree, received.arrival_ns)
     yield info, _reception_info_cdr(received), received.arrival_ns
     yield truth, _reception_cdr(received), received.arrival_ns
 
 
 @cache
-def _topics_received(vehicle: str) -> tuple[Topic, Topic, Topic, Topic]:
+def _topics_received(vehicle: str) -> tuple[Topic, Topic, Topic]:
     topics = VehicleTopics(vehicle)
-    return topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
+    return topics.received_raw, topics.reception_info, topics.true_receptions
+
+
+@cache
+def _values_received(vehicle: str, kind: MessageType) -> Topic:
+    return VehicleTopics(vehicle).received_values(kind)
 
 
 def _reception_info_cdr(received: Received) -> bytes:
@@ -172,22 +182,22 @@ def _reception_cdr(received: Received) -> bytes:
 
 
 def udp_packet_cdr(stamp_ns: int, payload: bytes) -> bytes:
-    """udp_msgs/UdpPacket, serialised, as the etsi_its_conversion node reads it: BTP-B, then the CAM."""
+    """udp_msgs/UdpPacket, serialised, as the etsi_its_conversion node reads it: BTP-B, then the message."""
     cdr = Cdr()
     cdr.header(stamp_ns, "")
     cdr.string("")
     cdr.uint16(0)
-    cdr.octets(btp_packet(payload))
+    cdr.octets(btp_packet(payload, message_type_of(payload).port))
     return bytes(cdr)
 
 
 def _packet(
-    raw: Topic, cam: Topic, payload: bytes, tree: CamTree | None, stamp_ns: int
+    raw: Topic, values: Topic, kind: MessageType, payload: bytes, tree: MessageTree | None, stamp_ns: int
 ) -> Iterator[StampedCdr]:
     yield raw, udp_packet_cdr(stamp_ns, payload), stamp_ns
     if tree is not None:
         try:
-            values = cam_cdr(tree)
-        except CamError:  # a CAM of a later release, with a value that the message cannot hold
+            cdr = message_cdr(kind, tree)
+        except MessageError:  # one of a later release, with a value that the message cannot hold
             return
-        yield cam, values, stamp_ns
+        yield values, cdr, stamp_ns

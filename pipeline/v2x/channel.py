@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.v2x.codec.cam_error import CamError
-from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree
+from advpipe.pipeline.v2x.codec.cam_error import MessageError
+from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
+from advpipe.pipeline.v2x.codec.message_codec import MessageTree
 from advpipe.pipeline.v2x.facilities.cam import CamCore
 from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
 from advpipe.pipeline.v2x.facilities.ldm import (
@@ -24,10 +25,11 @@ from advpipe.pipeline.v2x.facilities.ldm import (
     Verdict,
     reports_of_cams,
 )
+from advpipe.pipeline.v2x.message_type import CAM, is_cam, message_type_of
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
-from advpipe.pipeline.v2x.radio.stations import Reception, ReceptionOutcomes, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.stations import Bool, Reception, ReceptionOutcomes, Stations, Transmissions
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.pipeline.v2x.security.verifier import Rejection
 from advpipe.pipeline.v2x.stack import LINK_BYTES, ReceiverStack
@@ -39,7 +41,8 @@ class Sent:
     """A message that a station hands to its radio.
 
     number: unique within a drive. key: of its random draws, see `draws.message_keys`.
-    station_id: the radio's true id, whatever the payload claims. payload: a CAM in UPER, or other bytes.
+    station_id: the radio's true id, whatever the payload claims. payload: a message of one of the
+    `MESSAGE_TYPES` in UPER, or other bytes.
     packet: GeoNetworking and security around it, as on the air; empty in a drive without.
     """
 
@@ -56,12 +59,12 @@ class Sent:
 class Received:
     """A message received by one listener; `verdict` is the result of its Local Dynamic Map.
 
-    tree: the CAM's ASN.1 values (see `codec.py`); None for bytes that are not a CAM.
+    tree: the message's ASN.1 values (see `message_codec.py`); None for bytes that are not a valid one.
     """
 
     listener: str
     sent: Sent
-    tree: CamTree | None
+    tree: MessageTree | None
     arrival_ns: int
     power_dbm: float
     sinr_db: float
@@ -91,8 +94,8 @@ class Channel:
     """The radio medium, and the Local Dynamic Maps of the listeners.
 
     listeners: names by station id of the vehicles whose receptions are returned. The receptions of all other
-    stations are simulated as well, for the statistics, but not decoded. decoder: like `codec.decode`, the
-    default; a caller that has decoded the messages already may pass one that returns those values. stack: the
+    stations are simulated as well, for the statistics, but not decoded. decoder: of CAMs, `decode_cam_tree`
+    by default; a caller that has decoded them already may pass one that returns those values. stack: the
     receivers' layers, in a drive whose messages have packets.
     """
 
@@ -103,7 +106,7 @@ class Channel:
         geodesy: Geodesy,
         listeners: Mapping[int, str],
         buildings: Buildings | None = None,
-        decoder: Callable[[bytes], CamTree] | None = None,
+        decoder: Callable[[bytes], MessageTree] | None = None,
         stack: ReceiverStack | None = None,
     ) -> None:
         self._decoder, self._stack = decoder, stack
@@ -124,8 +127,9 @@ class Channel:
         Messages still in transit to a listener that has left are lost.
         """
         self._on_air.update((message.number, message) for message in sent)
+        self._tally.count(message_type_of(message.payload).name for message in sent)
         step = self._medium.advance(until_ns, stations, _transmissions(sent, self._overhead_bytes))
-        self._tally.add(step)
+        self._tally.add(step, self._are_cams(step.outcomes))
         received, rejected = self._receive(step.outcomes, until_ns, stations)
         return ChannelResult(received, step.loads, rejected)
 
@@ -139,7 +143,7 @@ class Channel:
         while self._on_air:
             now_ns += WINDOW_NS
             outcomes, _ = self._medium.advance(now_ns, stations, Transmissions.none())
-            self._tally.add(Step(outcomes, ()))
+            self._tally.add(Step(outcomes, ()), self._are_cams(outcomes))
             more, refused = self._receive(outcomes, now_ns, stations)
             received += more
             rejected += refused
@@ -156,6 +160,9 @@ class Channel:
     def restart_statistics(self) -> None:
         """Reset the counts; messages on the air stay there."""
         self._tally = Tally()
+
+    def _are_cams(self, outcomes: ReceptionOutcomes) -> Bool:
+        return np.array([is_cam(self._on_air[one].payload) for one in outcomes.messages.tolist()], bool)
 
     def _receive(
         self, outcomes: ReceptionOutcomes, until_ns: int, stations: Stations
@@ -196,25 +203,31 @@ class Channel:
         for reception in receptions:
             listener, (tree, report) = self._listeners[reception.receiver], opened[reception.message]
             known, arrival_ns = self._maps[listener], reception.arrival_ns
-            verdict = known.receive_corrupt() if tree is None else known.receive(report, arrival_ns)
             sent = self._on_air[reception.message]
+            if tree is None:
+                verdict = known.receive_corrupt()
+            elif is_cam(sent.payload):
+                verdict = known.receive(report, arrival_ns)
+            else:  # the map holds stations alone
+                verdict = Verdict.ACCEPTED
             yield Received(listener, sent, tree, arrival_ns, reception.power_dbm, reception.sinr_db, verdict)
 
     def _open(
         self, first_arrivals_ns: Mapping[int, int]
-    ) -> dict[int, tuple[CamTree | None, LdmReport | None]]:
+    ) -> dict[int, tuple[MessageTree | None, LdmReport | None]]:
         """The decoded messages by number: each is decoded once, however many stations receive it."""
-        opened: dict[int, tuple[CamTree | None, LdmReport | None]] = {}
+        opened: dict[int, tuple[MessageTree | None, LdmReport | None]] = {}
         cams: dict[int, CamCore] = {}
         decode = self._decoder or decode_cam_tree
         for number in first_arrivals_ns:
+            payload = self._on_air[number].payload
+            kind = message_type_of(payload)
             try:
-                tree = decode(self._on_air[number].payload)
-                cams[number] = core_of_tree(tree)
-            except CamError:
+                opened[number] = (decode if kind is CAM else kind.codec.decode)(payload), None
+                if kind is CAM:
+                    cams[number] = core_of_tree(opened[number][0] or {})
+            except MessageError:
                 opened[number] = None, None
-            else:
-                opened[number] = tree, None
         arrivals_ns = [first_arrivals_ns[number] for number in cams]
         reports = reports_of_cams(list(cams.values()), arrivals_ns, self._geodesy)
         for number, report in zip(cams, reports, strict=True):

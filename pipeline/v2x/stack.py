@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.v2x.codec.btp import btp_packet, cam_payload
+from advpipe.pipeline.v2x.codec.btp import btp_packet, parse_btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
@@ -19,6 +19,7 @@ from advpipe.pipeline.v2x.geonetworking.packet import (
     parse_packet,
 )
 from advpipe.pipeline.v2x.geonetworking.position_vector import position_vector
+from advpipe.pipeline.v2x.message_type import CAM, claimed_station_id, is_cam, message_type_of
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.pipeline.v2x.security.pki import Holder, Pki
 from advpipe.pipeline.v2x.security.signer import EnvelopeSigner
@@ -52,6 +53,7 @@ class PacketBuilder:
         self._holders = holders or {}
         self._signers: dict[int, EnvelopeSigner] = {}
         self._macs: dict[int, bytes] = {}
+        self._newest_cams: dict[int, bytes] = {}
 
     def packet(
         self,
@@ -61,20 +63,34 @@ class PacketBuilder:
         cam: Cam | CamCore | None = None,
         is_signed: bool = True,
     ) -> bytes:
-        """The packet around a CAM, or around other bytes that pose as one.
+        """The packet around a message, or around other bytes that pose as one.
 
-        station_id: of the radio that sends it, which signs it. cam: what the payload says, if that is known
-        already; it determines the sender's address and position in the packet. is_signed: whether it is
-        signed where the drive's messages are.
+        station_id: of the radio that sends it, which signs it. cam: what the payload says, if it is a CAM and
+        that is known already. A CAM determines the sender's address and position in its packet; a message of
+        another type has the position of the newest CAM that was `noted` or packed for its sender, and the
+        address of the station id that it claims. is_signed: whether it is signed where the drive's messages
+        are.
         """
-        cam = _cam(payload) if cam is None else cam
-        mac = self._mac(station_id if cam is None else cam.station_id)
-        content = broadcast_content(position_vector(cam, mac, now_ns), btp_packet(payload))
+        kind = message_type_of(payload)
+        if kind is CAM:
+            self.note(station_id, payload)
+            cam = _cam(payload) if cam is None else cam
+            mac = self._mac(station_id if cam is None else cam.station_id)
+        else:
+            cam = _cam(self._newest_cams.get(station_id, b""))
+            mac = self._mac(claimed_station_id(payload) or station_id)
+        vector, btp = position_vector(cam, mac, now_ns), btp_packet(payload, kind.port)
+        content = broadcast_content(vector, btp, kind.traffic_class)
         if self._pki is None or not is_signed:
             return geonetworking_packet(content)
         return geonetworking_packet(
-            self._signer(self._pki, station_id).sign(content, now_ns), is_secured=True
+            self._signer(self._pki, station_id).sign(content, now_ns, kind.psid), is_secured=True
         )
+
+    def note(self, station_id: int, payload: bytes) -> None:
+        """Note a CAM that a radio sends."""
+        if is_cam(payload):
+            self._newest_cams[station_id] = payload
 
     def _signer(self, pki: Pki, station_id: int) -> EnvelopeSigner:
         if station_id not in self._signers:
@@ -112,15 +128,24 @@ class ReceiverStack:
                 basic = parse_packet(packet)
                 if basic.is_secured:
                     return Delivery(None, Rejection.MALFORMED, now_ns)
-                return Delivery(cam_payload(parse_broadcast(basic.content).btp), None, now_ns)
+                return Delivery(_payload(basic.content), None, now_ns)
             if listener not in self._verifiers:
                 self._verifiers[listener] = MessageVerifier(self._rules, self._checks)
             content, rejection, done_ns = self._verifiers[listener].verify(packet, now_ns)
             if content is None:
                 return Delivery(None, rejection, done_ns)
-            return Delivery(cam_payload(parse_broadcast(content).btp), None, done_ns)
+            return Delivery(_payload(content), None, done_ns)
         except (PacketError, CamError):
             return Delivery(None, Rejection.MALFORMED, now_ns)
+
+
+def _payload(content: bytes) -> bytes:
+    """The message in the content of a packet. Raises CamError where it is at the port of another type."""
+    packet = parse_btp_packet(parse_broadcast(content).btp)
+    kind = message_type_of(packet.payload)
+    if packet.destination_port != kind.port:
+        raise CamError(f"a {kind.codec.name} is not for BTP-B port {packet.destination_port}")
+    return packet.payload
 
 
 def _cam(payload: bytes) -> CamCore | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Annotated
 
@@ -13,9 +15,10 @@ from pydantic import Field
 
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Step
-from advpipe.pipeline.v2x.radio.stations import Int64, Outcome, ReceptionOutcomes
+from advpipe.pipeline.v2x.radio.stations import Bool, Int64, Outcome, ReceptionOutcomes
 
 BIN_M = 50.0
 BINS = 30
@@ -49,7 +52,7 @@ class Statistics:
     stations, cams: sending stations, and CAMs sent. rates_hz: of each station that sent twice or more,
     ascending. intervals: CAMs by the time since the station's last one, per `INTERVAL_BIN_S`; the last
     bin holds all longer ones. dropped: never sent. busy_ns, busy_mean, busy_max: ends of windows, channel
-    busy ratio over stations.
+    busy ratio over stations. others: messages handed to radios that are no CAMs, by type.
     """
 
     pairs: _Bins
@@ -65,6 +68,7 @@ class Statistics:
     busy_ns: Annotated[tuple[_Count, ...], Field(max_length=_MOST_VALUES)]
     busy_mean: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
     busy_max: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
+    others: Annotated[dict[_OutcomeName, _Count], Field(max_length=100)] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raises ValueError for inconsistent columns: recordings are untrusted input."""
@@ -92,6 +96,7 @@ class Statistics:
             if self.pairs[last]
         ]
         lines = [("CAMs", f"{self.cams} of {counted(self.stations, 'station')}")]
+        lines += [(f"{name.upper()}s", f"{count}") for name, count in self.others.items()]
         if rates:
             mean = sum(rates) / len(rates)
             lines.append(("CAM rate", f"{mean:.1f} Hz on average, {rates[0]:.1f} to {rates[-1]:.1f} Hz"))
@@ -107,8 +112,8 @@ class Statistics:
         return lines
 
     def to_json(self) -> str:
-        """All values as one JSON document."""
-        return json.dumps(asdict(self))
+        """All values as one JSON document; that of a drive with CAMs alone has no `others`."""
+        return json.dumps({name: value for name, value in asdict(self).items() if value or name != "others"})
 
 
 def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
@@ -148,9 +153,14 @@ class Tally:
     _dropped: int = 0
     _senders: dict[int, _Sender] = field(default_factory=dict)
     _loads: list[tuple[int, float, float]] = field(default_factory=list)
+    _others: Counter[str] = field(default_factory=Counter)
 
-    def add(self, step: Step) -> None:
-        """Count the results of a step of the medium."""
+    def count(self, names: Iterable[str]) -> None:
+        """Count messages that stations hand to their radios, by the names of their types."""
+        self._others.update(name for name in names if name != CAM.name)
+
+    def add(self, step: Step, is_cam: Bool | None = None) -> None:
+        """Count the results of a step of the medium. is_cam: (M,), which messages are CAMs; None: all."""
         outcomes = step.outcomes
         outcome = outcomes.outcome.ravel()
         counts = _outcomes_by_distance(outcomes.distance_m.ravel(), outcome)
@@ -165,7 +175,7 @@ class Tally:
         self._delay_sum_ns += int(delays_ns.sum())
         self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
         self._dropped += len(outcomes.dropped)
-        self._add_senders(outcomes)
+        self._add_senders(outcomes, np.ones(len(outcomes.messages), bool) if is_cam is None else is_cam)
         for load in step.loads:
             self._add_load(load)
 
@@ -187,10 +197,12 @@ class Tally:
             busy_ns=tuple(load[0] for load in self._loads),
             busy_mean=tuple(load[1] for load in self._loads),
             busy_max=tuple(load[2] for load in self._loads),
+            others=dict(sorted(self._others.items())),
         )
 
-    def _add_senders(self, outcomes: ReceptionOutcomes) -> None:
+    def _add_senders(self, outcomes: ReceptionOutcomes, is_cam: Bool) -> None:
         order = np.argsort(outcomes.request_ns, kind="stable")
+        order = order[is_cam[order]]
         for station, time_ns in zip(
             outcomes.senders[order].tolist(), outcomes.request_ns[order].tolist(), strict=True
         ):

@@ -52,7 +52,19 @@ class Uper:
 
 
 def _part(asn1: Any) -> _Part:
-    return _PARTS[asn1.TYPE](asn1)
+    return _PARTS.get(asn1.TYPE, _never_plain)(asn1)
+
+
+def _never_plain(_: Any) -> _Part:
+    """A text, or another type that messages hardly ever hold."""
+
+    def write(value: Any, bits: int) -> int:
+        raise NotPlain
+
+    def read(bits: int, left: int) -> tuple[Any, int]:
+        raise NotPlain
+
+    return _Part(write, read)
 
 
 def _number(low: int, high: int, extensible: bool) -> _Part:
@@ -168,12 +180,18 @@ def _sequence_of(asn1: Any) -> _Part:
 
 
 def _sequence(asn1: Any) -> _Part:
-    """A zero if it can be extended, a bit for each optional member, the members."""
-    members = [(name, bool(part._opt), *_part(part)) for name, part in _root(asn1)]
+    """A zero if it can be extended, a bit for each optional member, the members.
+
+    A member that has its default value is left out.
+    """
+    defaults = {name: part._def for name, part in _root(asn1) if part._def is not None}
+    members = [(name, bool(part._opt) or name in defaults, *_part(part)) for name, part in _root(asn1)]
     optional = [name for name, is_optional, _, _ in members if is_optional]
     preamble = len(optional) + (asn1._ext is not None)
 
     def write(value: dict[str, Any], bits: int) -> int:
+        if defaults:
+            value = {name: part for name, part in value.items() if part != defaults.get(name)}
         present = 0
         for name in optional:
             present = present << 1 | (name in value)
@@ -197,6 +215,8 @@ def _sequence(asn1: Any) -> _Part:
             if is_optional:
                 flag >>= 1
                 if not present & flag:
+                    if name in defaults:
+                        value[name] = defaults[name]
                     continue
             value[name], left = read_member(bits, left)
         return value, left

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.v2x.geonetworking.position_vector import VECTOR_BYTES, LongPositionVector
+from advpipe.pipeline.v2x.message_type import CAM
 
 ETHERTYPE = 0x8947
 BASIC_BYTES, COMMON_BYTES, MEDIA_BYTES = 4, 8, 4
@@ -22,8 +23,6 @@ NEXT_COMMON, NEXT_SECURED = 1, 2
 """What follows the basic header."""
 NEXT_BTP_B = 2
 SINGLE_HOP_BROADCAST = 0x50
-PROFILE_DP2 = 2
-"""Traffic class of CAMs (TS 102 636-4-2)."""
 MOBILE = 0x80
 LIFETIME_1_S = 0x05
 """Multiplier 1, base 1 s."""
@@ -52,12 +51,16 @@ class BroadcastPacket(NamedTuple):
     btp: bytes
 
 
-def broadcast_content(sender: LongPositionVector, btp: bytes) -> bytes:
+def broadcast_content(
+    sender: LongPositionVector, btp: bytes, traffic_class: int = CAM.traffic_class
+) -> bytes:
     """The common header, the extended header of a single-hop broadcast, and a BTP-B packet.
+
+    traffic_class: of the type of message.
 
     The media-dependent data (channel load and power, for multi-hop congestion control) are 0.
     """
-    common = _COMMON.pack(NEXT_BTP_B << 4, SINGLE_HOP_BROADCAST, PROFILE_DP2, MOBILE, len(btp), 1, 0)
+    common = _COMMON.pack(NEXT_BTP_B << 4, SINGLE_HOP_BROADCAST, traffic_class, MOBILE, len(btp), 1, 0)
     return common + sender.encode() + bytes(MEDIA_BYTES) + btp
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from advpipe.pipeline.v2x.codec.timestamps import NS_PER_MS, timestamp_its_ms, unix_ns
+from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.pipeline.v2x.security.certificate import (
     DIGEST_BYTES,
     Certificate,
@@ -13,9 +14,6 @@ from advpipe.pipeline.v2x.security.certificate import (
 )
 from advpipe.pipeline.v2x.security.coer import CoerReader, EnvelopeError, length_prefixed
 from advpipe.pipeline.v2x.security.keys import SigningKey, encode_signature, read_signature
-
-CAM_PSID = 36
-"""ITS-AID of CAMs (ETSI TS 102 965)."""
 
 _SIGNED_SHA256 = bytes.fromhex("03 81 00")
 """Version 3, signed, SHA-256."""
@@ -87,13 +85,18 @@ class Envelope:
 
 
 def sign_envelope(
-    content: bytes, now_ns: int, ticket: Certificate, key: SigningKey, with_certificate: bool
+    content: bytes,
+    now_ns: int,
+    ticket: Certificate,
+    key: SigningKey,
+    with_certificate: bool,
+    psid: int = CAM.psid,
 ) -> Envelope:
-    """The envelope of a CAM in a packet, signed with a ticket's key."""
+    """The envelope of a message in a packet, signed with a ticket's key. psid: the kind of message."""
     time_us = timestamp_its_ms(now_ns) * 1000 + now_ns % NS_PER_MS // 1000
-    signature = key.sign(signed_data(to_be_signed(content, CAM_PSID, time_us), ticket.encoded))
+    signature = key.sign(signed_data(to_be_signed(content, psid, time_us), ticket.encoded))
     signer = ticket if with_certificate else ticket.digest
-    return Envelope(content, CAM_PSID, time_us, signer, signature)
+    return Envelope(content, psid, time_us, signer, signature)
 
 
 def to_be_signed(content: bytes, psid: int, time_us: int) -> bytes:

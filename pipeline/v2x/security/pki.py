@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from advpipe.pipeline.v2x.codec.timestamps import timestamp_its_ms
+from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.pipeline.v2x.security.certificate import Certificate, Permissions
-from advpipe.pipeline.v2x.security.envelope import CAM_PSID
 from advpipe.pipeline.v2x.security.keys import SigningKey
 
-CAM_PERMISSIONS: Permissions = {CAM_PSID: bytes.fromhex("01 00 00")}
-"""Version 1 of a CAM's permissions, none of them special (EN 302 637-2, 6.2.2.3)."""
+CAM_PERMISSIONS: Permissions = {CAM.psid: CAM.permissions}
 REVOCATION_PSID, TRUST_LIST_PSID, REQUEST_PSID = 622, 624, 623
 """What a root signs, and what an authority answers requests with (TS 102 965)."""
 

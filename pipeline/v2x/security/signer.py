@@ -18,9 +18,9 @@ class EnvelopeSigner:
         self._interval_ns = interval_ns
         self._last_ns: int | None = None
 
-    def sign(self, content: bytes, now_ns: int) -> bytes:
-        """The envelope of a CAM's packet."""
+    def sign(self, content: bytes, now_ns: int, psid: int) -> bytes:
+        """The envelope of a packet. psid: the kind of message in it."""
         is_due = self._last_ns is None or now_ns - self._last_ns >= self._interval_ns
         if is_due:
             self._last_ns = now_ns
-        return sign_envelope(content, now_ns, self._ticket, self._key, is_due).encode()
+        return sign_envelope(content, now_ns, self._ticket, self._key, is_due, psid).encode()

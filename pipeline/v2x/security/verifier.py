@@ -7,13 +7,17 @@ from enum import Enum
 from typing import NamedTuple
 
 from advpipe.pipeline.v2x.geonetworking.packet import PacketError, parse_packet
+from advpipe.pipeline.v2x.message_type import MESSAGE_TYPES
 from advpipe.pipeline.v2x.section import SecurityRules
 from advpipe.pipeline.v2x.security.certificate import Certificate
 from advpipe.pipeline.v2x.security.coer import EnvelopeError
-from advpipe.pipeline.v2x.security.envelope import CAM_PSID, Envelope
+from advpipe.pipeline.v2x.security.envelope import Envelope
 
 REMEMBERED = 4096
 """Envelopes and certificates whose check is remembered, the same for all receivers."""
+
+
+_PSIDS = frozenset(each.psid for each in MESSAGE_TYPES.values())
 
 
 class Rejection(Enum):
@@ -23,7 +27,7 @@ class Rejection(Enum):
     """No packet, or an envelope that is truncated or of another profile."""
     UNSIGNED = "unsigned"
     NOT_PERMITTED = "not permitted"
-    """The ticket does not permit CAMs, or the envelope is not for one."""
+    """The ticket does not permit such messages, or the envelope is for others."""
     STALE = "stale"
     """Signed longer ago than `max_age_s`."""
     FUTURE = "from the future"
@@ -130,7 +134,7 @@ class MessageVerifier:
             return Rejection.FUTURE
         if ticket is None:
             return Rejection.UNKNOWN_SIGNER
-        if envelope.psid != CAM_PSID or CAM_PSID not in ticket.permissions:
+        if envelope.psid not in _PSIDS or envelope.psid not in ticket.permissions:
             return Rejection.NOT_PERMITTED
         if not ticket.is_valid_at(envelope.generation_ns):
             return Rejection.EXPIRED_TICKET

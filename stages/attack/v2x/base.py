@@ -3,7 +3,7 @@
 An attack on messages is a `V2xAttack`: a class whose constructor takes its context first and its
 parameters keyword-only, with defaults and units in their names. It declares its `traits`. `edit` is called
 once a step, in time order, with all messages of all stations in that step, as the editors before it left
-them; it returns all that are to be sent instead:
+them (of its `V2xTraits.message_types`, CAMs by default); it returns all that are to be sent instead:
 
 >>> class Zero(V2xAttack):
 ...     traits = V2xTraits(untrue=("speed",))
@@ -53,6 +53,7 @@ from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
+from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.base import Attack, PublishedPreset, Traits
@@ -152,14 +153,15 @@ class V2xTraits(Traits):
     (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes messages that its attackers send anyway,
     so that a roadside unit, which sends none, cannot be an attacker. needs_ticket: where messages are signed,
     it has an effect from an insider alone, who has a ticket; an outsider can still load the channel or drop
-    messages. published: see `Published`; its F1 is that of an attack with the parameters `published_of`, or
-    of its preset.
+    messages. message_types: names of the `MESSAGE_TYPES` that it sees and sends. published: see
+    `Published`; its F1 is that of an attack with the parameters `published_of`, or of its preset.
     """
 
     untrue: tuple[Claim, ...] = ()
     every_message_matters: bool = False
     needs_traffic: bool = True
     needs_ticket: bool = True
+    message_types: tuple[str, ...] = (CAM.name,)
     published: Published = field(default_factory=Published)
     published_of: Mapping[str, Any] = field(default_factory=dict)
 

@@ -36,6 +36,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec, Credentials
 from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.pipeline.v2x.message_type import CAM, MESSAGE_TYPES, message_type_of
 from advpipe.stages.attack.debug import DebugMessages, claims_message
 from advpipe.stages.attack.recording import recording_of
 from advpipe.stages.attack.v2x.base import AllocatedIds, AttackContext, MessageEditor, V2xAttack
@@ -225,7 +226,7 @@ class V2xChange:
         self._labels.begin(step.sent)
         sent = list(step.sent)
         for editor_index, editor in enumerate(self._editors):
-            before, sent = sent, sorted(editor.edit(step, tuple(sent)), key=_order)
+            before, sent = sent, sorted(_edited(editor, step, sent), key=_order)
             self._labels.compare(editor_index, editor, before, sent)
         kept = self._congestion.allowed(step, sent) if self._congestion else sent
         return self._packets.packed(step.sent, kept)
@@ -274,6 +275,14 @@ class V2xChange:
         yield from map(rejected_message, result.rejected)
 
 
+def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
+    """The messages after an editor, which sees those of its types alone."""
+    names = editor.traits.message_types if isinstance(editor, V2xAttack) else (CAM.name,)
+    seen = tuple(one for one in sent if message_type_of(one.payload).name in names)
+    others = [one for one in sent if message_type_of(one.payload).name not in names]
+    return [*editor.edit(step, seen), *others]
+
+
 def _order(sent: Sent) -> tuple[int, int]:
     return sent.request_ns, sent.number
 
@@ -283,9 +292,10 @@ def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:
 
 
 def _topics_of(topics: VehicleTopics) -> tuple[Topic, ...]:
-    sent, maps = (topics.sent_raw, topics.sent_cam), (topics.ldm, topics.ldm_objects)
-    received = topics.received_raw, topics.received_cam, topics.reception_info, topics.true_receptions
-    return *sent, *received, topics.rejections, *maps
+    kinds = MESSAGE_TYPES.values()
+    sent, received = map(topics.sent_values, kinds), map(topics.received_values, kinds)
+    raw = topics.sent_raw, topics.received_raw, topics.reception_info, topics.true_receptions
+    return *sent, *received, *raw, topics.rejections, topics.ldm, topics.ldm_objects
 
 
 @cache

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.congestion_control import CongestionControl, congestion_control
+from advpipe.pipeline.v2x.message_type import is_cam
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.section import V2x
 
@@ -38,7 +39,11 @@ class Congestion:
             if (control := self._controls.get(number) or congestion_control(self._v2x)) is not None
         }
         self._last_ns = {number: at_ns for number, at_ns in self._last_ns.items() if number in present}
-        kept = [message for message in sent if message.station_id in self._attackers or self._passes(message)]
+        kept = [
+            message
+            for message in sent
+            if message.station_id in self._attackers or not is_cam(message.payload) or self._passes(message)
+        ]
         self.held_back += len(sent) - len(kept)
         return kept
 

@@ -26,6 +26,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep, read_steps
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.facilities.cam import Cam
 from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam
+from advpipe.pipeline.v2x.message_type import is_cam
 from advpipe.stages.evaluate.v2x.recording import V2xRecording, read_recording
 
 NEAR_M = 300.0
@@ -114,7 +115,7 @@ def _near(step: V2xStep, radios: dict[int, RadioPlace], own: RadioPlace, window:
     at_m = own.map_SE3_base[:3, 3]
     for one in step.sent:
         sender = radios[one.station_id]
-        if sender is own or not window.holds(one.request_ns):
+        if sender is own or not window.holds(one.request_ns) or not is_cam(one.payload):
             continue
         if np.linalg.norm(sender.map_SE3_base[:3, 3] - at_m) <= NEAR_M:
             yield one.number

@@ -25,6 +25,7 @@ from advpipe.pipeline.messages.topics import (
     VehicleTopics,
 )
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.v2x.message_type import MESSAGE_TYPES
 from advpipe.stages.verify.attackers import MessageAttack
 from advpipe.stages.verify.subject import BagUnderTest
 
@@ -100,8 +101,9 @@ class AttackedBag:
             vehicles = {name.split("/")[1] for name in self.clean.topics if name.count("/") > 1}
             names |= {V2X_SENT.name, V2X_PACKETS.name, V2X_STATIONS.name, V2X_STATISTICS.name}
             for own in map(VehicleTopics, vehicles):
-                topics = own.sent_raw, own.sent_cam, own.received_raw, own.received_cam
-                beside = own.reception_info, own.true_receptions, own.rejections
+                kinds = MESSAGE_TYPES.values()
+                topics = own.sent_raw, *map(own.sent_values, kinds), *map(own.received_values, kinds)
+                beside = own.received_raw, own.reception_info, own.true_receptions, own.rejections
                 names |= {topic.name for topic in (*topics, *beside, own.ldm, own.ldm_objects)}
         return frozenset(names)
 

@@ -13,12 +13,14 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
-from advpipe.pipeline.v2x.facilities.generation import GeneratedCam, switched_on_ns
+from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
+from advpipe.pipeline.v2x.message_type import CAM, message_type_of
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.stack import PacketBuilder, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
 from advpipe.stages.simulate.network.protocol import NetworkStep
 from advpipe.stages.simulate.traffic.road_users import RoadUser
@@ -71,6 +73,9 @@ class EmbeddedNetwork:
                 self._stations[name].user = user
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
+        for station in self._by_id:
+            for service in station.services if station.state is not None else ():
+                service.update(self._now_ns, station.state, station.user, drivers)
         self.radios = tuple(station.place for station in self._by_id)
 
     def local_dynamic_maps(self) -> list[tuple[str, LdmSnapshot]]:
@@ -88,14 +93,15 @@ class EmbeddedNetwork:
         if until_ns == self._now_ns or not self._v2x.enabled:  # the first frame: no station is known yet
             return NetworkStep(until_ns)
         stations = self._by_id
-        due = [(cam, station) for station in stations for cam in station.cams_before(until_ns)]
+        due = [(one, station) for station in stations for one in station.messages_before(until_ns)]
         due.sort(key=lambda item: (item[0].time_ns, item[1].id))
-        times_ns = np.array([cam.time_ns for cam, _ in due], np.int64)
-        keys = message_keys(np.array([station.id for _, station in due], np.int64), times_ns)
+        times_ns = np.array([one.time_ns for one, _ in due], np.int64)
+        ids = np.array([station.id for _, station in due], np.int64)
+        keys = message_keys(ids, times_ns, np.array([_copy(one) for one, _ in due], np.int64))
         power_dbm = self._v2x.radio.transmit_power_dbm
         sent = tuple(
-            Sent(number, key, station.id, cam.time_ns, cam.payload, power_dbm, self._packet(station, cam))
-            for number, (key, (cam, station)) in enumerate(
+            Sent(number, key, station.id, one.time_ns, one.payload, power_dbm, self._packet(station, one))
+            for number, (key, (one, station)) in enumerate(
                 zip(keys.tolist(), due, strict=True), start=self._messages
             )
         )
@@ -106,11 +112,11 @@ class EmbeddedNetwork:
                 station.update_channel_load(busy_ratio)
         return NetworkStep(until_ns, sent, result.received, result.rejected)
 
-    def _packet(self, station: Station, cam: GeneratedCam) -> bytes:
-        """The packet around a CAM; empty in a drive without."""
+    def _packet(self, station: Station, message: GeneratedMessage) -> bytes:
+        """The packet around a message; empty in a drive without."""
         if self._packets is None:
             return b""
-        return self._packets.packet(station.id, cam.time_ns, cam.payload, cam.cam)
+        return self._packets.packet(station.id, message.time_ns, message.payload, message.cam)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
@@ -134,3 +140,9 @@ class EmbeddedNetwork:
                 pass
             self._ids[name] = station_id
         return self._ids[name]
+
+
+def _copy(message: GeneratedMessage) -> int:
+    """Tells messages of several types apart that a station generates at the same time; 0 for a CAM."""
+    kind = message_type_of(message.payload)
+    return 0 if kind is CAM else kind.message_id

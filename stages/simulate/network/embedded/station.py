@@ -1,4 +1,4 @@
-"""One station: a vehicle with a radio that sends CAMs."""
+"""One station: a vehicle with a radio that sends CAMs, and further messages by its services."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from advpipe.stages.simulate.network.embedded.self_knowledge import (
     accuracy_of_receiver,
     self_estimates,
 )
+from advpipe.stages.simulate.network.embedded.service import GeneratedMessage, MessageService
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 
@@ -46,6 +47,7 @@ class Station:
             v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id)
         )
         self.state: StationState | None = None
+        self.services: list[MessageService] = []
         self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
         self._dcc = congestion_control(v2x)
         self._next_check_ns = first_check_ns(now_ns, seed, station_id)
@@ -63,7 +65,14 @@ class Station:
         if self._dcc is not None:
             self._dcc.update(busy_ratio)
 
-    def cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
+    def messages_before(self, end_ns: int) -> Iterator[GeneratedMessage]:
+        """The messages that it hands to its radio before `end_ns`."""
+        for cam in self._cams_before(end_ns):
+            yield GeneratedMessage(cam.time_ns, cam.payload, cam.cam)
+        for service in self.services:
+            yield from service.messages_before(end_ns)
+
+    def _cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
         """Check the generation rules at every due instant before `end_ns`, with the newest state."""
         assert self.state is not None
         while self._next_check_ns < end_ns:
