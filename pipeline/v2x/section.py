@@ -17,6 +17,7 @@ from advpipe.pipeline.core.section import (
     Switch,
     Whole,
 )
+from advpipe.pipeline.v2x.message_type import CAM, DENM, MessageType
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Bitrates of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); they scale with the bandwidth."""
@@ -195,6 +196,29 @@ class CamRules(Section):
         return _recorded(self, handler(self), low_dynamics_cams=3)
 
 
+class DenmRules(Section):
+    """The DEN basic service (EN 302 637-3): what stations warn of, and how often."""
+
+    stopped_s: Positive = Field(
+        10.0, ge=0.1, le=3600, description="time for which a vehicle has stood when it warns of itself"
+    )
+    braking_mps2: Positive = Field(
+        7.0, ge=0.1, le=20, description="deceleration from which a vehicle warns of its braking"
+    )
+    braking_from_mps: NotNegative = Field(
+        5.6, le=100, description="speed from which it does, when it begins to brake"
+    )
+    time_to_collision_s: Positive = Field(
+        1.5, ge=0.1, le=30, description="time to a collision with a vehicle ahead below which it warns"
+    )
+    repetition_s: Positive = Field(
+        0.5, ge=0.05, le=10, description="time between two DENMs about the same event"
+    )
+    validity_s: Whole = Field(
+        10, ge=1, le=86_400, description="time for which a DENM is valid after its state of the event"
+    )
+
+
 class SelfKnowledge(Section):
     """The noise in the CAMs of vehicles without instruments, which send their true state plus noise.
 
@@ -261,6 +285,9 @@ class V2x(Section):
     )
     radio: Radio = Radio()
     cam: CamRules = CamRules()
+    denm: DenmRules | None = Field(
+        None, description="warnings of stopped vehicles, hard braking and collision risks; null: none"
+    )
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
     geonetworking: Switch = Field(
@@ -275,15 +302,25 @@ class V2x(Section):
     security_rules: SecurityRules = SecurityRules()
 
     @property
+    def message_types(self) -> tuple[MessageType, ...]:
+        """The types of messages that stations send."""
+        return (CAM,) if self.denm is None else (CAM, DENM)
+
+    @property
     def has_packets(self) -> bool:
         """Whether messages have GeoNetworking headers and the envelopes inside them."""
         return self.geonetworking or self.security != "none"
 
     @model_serializer(mode="wrap")
     def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Drives without packets and security are recorded as before there were any."""
+        """Drives without packets, security and DENMs are recorded as before there were any."""
         return _recorded(
-            self, handler(self), geonetworking=False, security="none", security_rules=SecurityRules()
+            self,
+            handler(self),
+            geonetworking=False,
+            security="none",
+            security_rules=SecurityRules(),
+            denm=None,
         )
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:

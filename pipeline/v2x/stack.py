@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import struct
+from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.v2x.codec.btp import btp_packet, parse_btp_packet
-from advpipe.pipeline.v2x.codec.cam_error import CamError
+from advpipe.pipeline.v2x.codec.cam_error import CamError, MessageError
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
+from advpipe.pipeline.v2x.codec.denm_codec import DENM_CODEC
 from advpipe.pipeline.v2x.facilities.cam import Cam, CamCore
 from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
+from advpipe.pipeline.v2x.facilities.denm import RELEVANCE_M
 from advpipe.pipeline.v2x.geonetworking.packet import (
+    Area,
     PacketError,
+    area_broadcast_content,
     broadcast_content,
     geonetworking_packet,
     parse_broadcast,
     parse_packet,
 )
 from advpipe.pipeline.v2x.geonetworking.position_vector import position_vector
-from advpipe.pipeline.v2x.message_type import CAM, claimed_station_id, is_cam, message_type_of
+from advpipe.pipeline.v2x.message_type import CAM, DENM, claimed_station_id, is_cam, message_type_of
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.pipeline.v2x.security.pki import Holder, Pki
 from advpipe.pipeline.v2x.security.signer import EnvelopeSigner
 from advpipe.pipeline.v2x.security.verifier import MessageVerifier, Rejection, SignatureChecks
+
+_LOCATION = struct.Struct(">iiH")
+"""ThreeDLocation (IEEE 1609.2): latitude and longitude in 1e-7 degrees, elevation in 0.1 m above -409.5 m."""
+_SEA_LEVEL = 4095
 
 LINK_BYTES = 38
 """LLC and SNAP (8), the MAC header of a QoS data frame (26), and its check sequence (4)."""
@@ -49,11 +59,12 @@ class PacketBuilder:
         self, v2x: V2x, seed: int, start_ns: int, holders: Mapping[int, Holder] | None = None
     ) -> None:
         self._seed, self._rules = seed, v2x.security_rules
-        self._pki = Pki(seed, start_ns) if v2x.security == "etsi" else None
+        self._pki = Pki.of(v2x, seed, start_ns) if v2x.security == "etsi" else None
         self._holders = holders or {}
         self._signers: dict[int, EnvelopeSigner] = {}
         self._macs: dict[int, bytes] = {}
         self._newest_cams: dict[int, bytes] = {}
+        self._counts: Counter[bytes] = Counter()
 
     def packet(
         self,
@@ -80,11 +91,17 @@ class PacketBuilder:
             cam = _cam(self._newest_cams.get(station_id, b""))
             mac = self._mac(claimed_station_id(payload) or station_id)
         vector, btp = position_vector(cam, mac, now_ns), btp_packet(payload, kind.port)
-        content = broadcast_content(vector, btp, kind.traffic_class)
+        if kind is DENM:
+            content = area_broadcast_content(
+                vector, btp, kind.traffic_class, _area(payload), self._count(mac)
+            )
+        else:
+            content = broadcast_content(vector, btp, kind.traffic_class)
         if self._pki is None or not is_signed:
             return geonetworking_packet(content)
+        location = _LOCATION.pack(vector.latitude, vector.longitude, _SEA_LEVEL) if kind is DENM else b""
         return geonetworking_packet(
-            self._signer(self._pki, station_id).sign(content, now_ns, kind.psid), is_secured=True
+            self._signer(self._pki, station_id).sign(content, now_ns, kind.psid, location), is_secured=True
         )
 
     def note(self, station_id: int, payload: bytes) -> None:
@@ -98,6 +115,11 @@ class PacketBuilder:
             interval_ns = round(self._rules.certificate_interval_s * 1e9)
             self._signers[station_id] = EnvelopeSigner(holder, interval_ns)
         return self._signers[station_id]
+
+    def _count(self, mac: bytes) -> int:
+        """The number of an address's next geographical broadcast."""
+        self._counts[mac] += 1
+        return self._counts[mac] - 1
 
     def _mac(self, station_id: int) -> bytes:
         if station_id not in self._macs:
@@ -118,7 +140,9 @@ class ReceiverStack:
 
     def __init__(self, v2x: V2x, seed: int, start_ns: int) -> None:
         self._rules = v2x.security_rules
-        self._checks = SignatureChecks(Pki(seed, start_ns).authority) if v2x.security == "etsi" else None
+        self._checks = (
+            SignatureChecks(Pki.of(v2x, seed, start_ns).authority) if v2x.security == "etsi" else None
+        )
         self._verifiers: dict[str, MessageVerifier] = {}
 
     def deliver(self, listener: str, packet: bytes, now_ns: int) -> Delivery:
@@ -146,6 +170,15 @@ def _payload(content: bytes) -> bytes:
     if packet.destination_port != kind.port:
         raise CamError(f"a {kind.codec.name} is not for BTP-B port {packet.destination_port}")
     return packet.payload
+
+
+def _area(payload: bytes) -> Area:
+    """Where a DENM is relevant; around the origin of the Earth's grid for bytes that are none."""
+    try:
+        position = DENM_CODEC.decode(payload)["denm"]["management"]["eventPosition"]
+    except MessageError:
+        return Area(0, 0, 0)
+    return Area(position["latitude"], position["longitude"], round(RELEVANCE_M))
 
 
 def _cam(payload: bytes) -> CamCore | None:

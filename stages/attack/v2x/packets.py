@@ -58,6 +58,7 @@ class AttackedPackets:
                 packed[index] = self._pack(self._builder, one)
                 self._attacked.add(one.number)
         for one in recorded:
+            self._builder.note(one.station_id, one.payload)
             self._overheard[one.payload] = one.packet
             if len(self._overheard) > REMEMBERED:
                 self._overheard.popitem(last=False)
@@ -88,7 +89,7 @@ def _content(sent: Sent) -> tuple[int, int, bytes]:
 
 def _holders(drive: V2xDrive, credentials: Mapping[int, Credentials]) -> dict[int, Holder]:
     """What attackers without a valid ticket sign with."""
-    pki, own = Pki(drive.seed, drive.start_ns), Pki(drive.seed, drive.start_ns, "outsider")
+    pki, own = (Pki.of(drive.v2x, drive.seed, drive.start_ns, name) for name in ("drive", "outsider"))
     honest = sorted(set(drive.stations) - set(credentials))
     holders: dict[int, Holder] = {}
     for attacker, kind in credentials.items():

@@ -20,6 +20,8 @@ from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.stack import PacketBuilder, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
+from advpipe.stages.simulate.network.embedded.denm_service import DenmService
+from advpipe.stages.simulate.network.embedded.hazards import Hazards
 from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
 from advpipe.stages.simulate.network.protocol import NetworkStep
@@ -50,6 +52,7 @@ class EmbeddedNetwork:
         self.channel = Channel(
             self._v2x, self._clock.seed, self._geodesy, listeners, buildings, stack=receivers
         )
+        self._hazards = Hazards()
         self._stations: dict[str, Station] = {}
         self._by_id: list[Station] = []
         self._now_ns = self._clock.stamp_ns(0)
@@ -121,7 +124,10 @@ class EmbeddedNetwork:
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
         active_ns = switched_on_ns(self._now_ns, clock.stamp_ns(0), clock.seed, name)
-        return Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        station = Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        if self._v2x.denm is not None:
+            station.services.append(DenmService(self._v2x.denm, self._hazards, clock.seed, station.id))
+        return station
 
     def _is_equipped(self, name: str, user: RoadUser) -> bool:
         """Whether a vehicle has a station: each instrumented one, and a share of the others
