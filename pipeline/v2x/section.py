@@ -219,6 +219,38 @@ class DenmRules(Section):
     )
 
 
+class PseudonymRules(Section):
+    """When stations change their pseudonym: station id, certificate, MAC address and sequence numbers
+    together, and begin a new path history (ETSI TR 103 415)."""
+
+    strategy: Literal["period", "distance", "silent_period", "vehicle_centric"] = Field(
+        "period",
+        description="period: after a time; distance: after a way; silent_period: after a time, with a "
+        "silence before the new one; vehicle_centric: at the first manoeuvre after a time",
+    )
+    period_s: Positive = Field(
+        60.0, ge=0.1, le=86_400, description="time for which a pseudonym is used, on average"
+    )
+    distance_m: Positive = Field(
+        800.0, ge=1, le=1e6, description="way for which a pseudonym is used, on average"
+    )
+    variation: Number = Field(
+        0.2, ge=0, le=0.99, description="share by which each use is drawn longer or shorter"
+    )
+    silent_min_s: NotNegative = Field(3.0, le=600, description="shortest silence of silent_period")
+    silent_max_s: NotNegative = Field(13.0, le=600, description="longest silence of silent_period")
+    heading_deg: Positive = Field(20.0, le=180, description="turn that is a manoeuvre of vehicle_centric")
+    speed_mps: Positive = Field(3.0, le=100, description="change of the speed that is one")
+
+    @model_validator(mode="after")
+    def _order(self) -> PseudonymRules:
+        if self.silent_min_s > self.silent_max_s:
+            raise ValueError(
+                f"silent_min_s {self.silent_min_s:g} is above silent_max_s {self.silent_max_s:g}"
+            )
+        return self
+
+
 class SelfKnowledge(Section):
     """The noise in the CAMs of vehicles without instruments, which send their true state plus noise.
 
@@ -288,6 +320,9 @@ class V2x(Section):
     denm: DenmRules | None = Field(
         None, description="warnings of stopped vehicles, hard braking and collision risks; null: none"
     )
+    pseudonyms: PseudonymRules | None = Field(
+        None, description="changes of pseudonyms; null: every station keeps its identity"
+    )
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
     geonetworking: Switch = Field(
@@ -321,6 +356,7 @@ class V2x(Section):
             security="none",
             security_rules=SecurityRules(),
             denm=None,
+            pseudonyms=None,
         )
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:

@@ -61,9 +61,10 @@ class PacketBuilder:
         self._seed, self._rules = seed, v2x.security_rules
         self._pki = Pki.of(v2x, seed, start_ns) if v2x.security == "etsi" else None
         self._holders = holders or {}
-        self._signers: dict[int, EnvelopeSigner] = {}
+        self._signers: dict[tuple[int, int], EnvelopeSigner] = {}
         self._macs: dict[int, bytes] = {}
         self._newest_cams: dict[int, bytes] = {}
+        self._pseudonyms: dict[int, int] = {}
         self._counts: Counter[bytes] = Counter()
 
     def packet(
@@ -78,13 +79,12 @@ class PacketBuilder:
 
         station_id: of the radio that sends it, which signs it. cam: what the payload says, if it is a CAM and
         that is known already. A CAM determines the sender's address and position in its packet; a message of
-        another type has the position of the newest CAM that was `noted` or packed for its sender, and the
+        another type has the position of the newest CAM that was `noted` for its sender, and the
         address of the station id that it claims. is_signed: whether it is signed where the drive's messages
         are.
         """
         kind = message_type_of(payload)
         if kind is CAM:
-            self.note(station_id, payload)
             cam = _cam(payload) if cam is None else cam
             mac = self._mac(station_id if cam is None else cam.station_id)
         else:
@@ -105,16 +105,21 @@ class PacketBuilder:
         )
 
     def note(self, station_id: int, payload: bytes) -> None:
-        """Note a CAM that a radio sends."""
+        """Note what a radio sends without an attack: the newest CAM, and the pseudonym that it uses now."""
         if is_cam(payload):
             self._newest_cams[station_id] = payload
+            self._pseudonyms[station_id] = claimed_station_id(payload) or station_id
 
     def _signer(self, pki: Pki, station_id: int) -> EnvelopeSigner:
-        if station_id not in self._signers:
-            holder = self._holders.get(station_id) or pki.ticket(station_id)
+        """The signer of a radio, with the ticket of its present pseudonym."""
+        pseudonym = self._pseudonyms.get(station_id, station_id)
+        identity = station_id, pseudonym
+        if identity not in self._signers:
+            names = (station_id,) if pseudonym == station_id else identity
+            holder = self._holders.get(station_id) or pki.ticket(*names)
             interval_ns = round(self._rules.certificate_interval_s * 1e9)
-            self._signers[station_id] = EnvelopeSigner(holder, interval_ns)
-        return self._signers[station_id]
+            self._signers[identity] = EnvelopeSigner(holder, interval_ns)
+        return self._signers[identity]
 
     def _count(self, mac: bytes) -> int:
         """The number of an address's next geographical broadcast."""

@@ -27,9 +27,11 @@ from advpipe.pipeline.messages.debug import FALSE, NOT_SENT, TRUE, ClaimedPositi
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import has_effect
+from advpipe.pipeline.v2x.message_type import is_cam
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
+from advpipe.stages.attack.v2x.identities import StationIdentities
 
 _BLOCK = 1000
 _SHOWN_HEIGHT_M = 1.0
@@ -61,6 +63,7 @@ class Labels:
     touching: indices of the editors that touched any message. counts: messages by action, and "made
     invalid": how many of them were CAMs before but no longer. Messages still held back when the file is
     written count as dropped. declared: declarations of attacks, by their indices among all editors.
+    identities: what stations call themselves.
     """
 
     def __init__(
@@ -70,7 +73,9 @@ class Labels:
         names: dict[int, str],
         expiry_s: float,
         declared: Mapping[int, Declaration],
+        identities: StationIdentities | None = None,
     ) -> None:
+        self.identities = StationIdentities() if identities is None else identities
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
         self._step_rows: list[_Row] = []
@@ -91,7 +96,7 @@ class Labels:
             self._newest[station_id] = messages[-1].payload
         self._step = {message.number: message for message in recorded}
         self._by_station, self._step_rows, self._step_held_back = {}, [], []
-        for message in recorded:
+        for message in filter(_is_cam, recorded):
             self._by_station.setdefault(message.station_id, []).append(message)
 
     def compare(
@@ -192,7 +197,7 @@ class Labels:
         tree = self.cams.open(message.payload)
         if tree is None:
             return None
-        station_id = field_of(tree, "station_id")
+        station_id = self.identities.radio_of(field_of(tree, "station_id"))
         payload = self._newest.get(station_id)
         for sent in self._by_station.get(station_id, ()):
             if sent.request_ns <= message.request_ns:
@@ -290,6 +295,10 @@ class Labels:
         if row.mattered is not None or row.action == DROPPED:
             return row.mattered is not False
         return has_effect(row.true, row.false, moved_m, self._expiry_s)
+
+
+def _is_cam(message: Sent) -> bool:
+    return is_cam(message.payload)
 
 
 def _changed_fields(row: _Row) -> str:

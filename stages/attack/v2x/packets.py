@@ -52,13 +52,14 @@ class AttackedPackets:
         if self._builder is None:
             return list(sent)
         unchanged = {one.number: _content(one) for one in recorded}
+        for one in recorded:
+            self._builder.note(one.station_id, one.payload)
         packed = list(sent)
         for index, one in enumerate(sent):
             if unchanged.get(one.number) != _content(one):
                 packed[index] = self._pack(self._builder, one)
                 self._attacked.add(one.number)
         for one in recorded:
-            self._builder.note(one.station_id, one.payload)
             self._overheard[one.payload] = one.packet
             if len(self._overheard) > REMEMBERED:
                 self._overheard.popitem(last=False)

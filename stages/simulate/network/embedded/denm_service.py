@@ -37,6 +37,15 @@ class DenmService:
         self._standing_since_ns: int | None = None
         self._noticed_ns: dict[EventKind, int] = {}
 
+    @property
+    def is_active(self) -> bool:
+        """See `MessageService`."""
+        return self.generator.is_active
+
+    def rename(self, pseudonym: int) -> None:
+        """See `MessageService`."""
+        self.generator.rename(pseudonym, self._first_number(pseudonym))
+
     def update(
         self, now_ns: int, state: StationState, user: RoadUser, drivers: Mapping[str, RoadUser]
     ) -> None:

@@ -10,7 +10,7 @@ import shapely
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
+from advpipe.pipeline.messages.v2x import PseudonymUse, RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.pipeline.v2x.facilities.generation import switched_on_ns
@@ -43,6 +43,7 @@ class EmbeddedNetwork:
         origin = scenario.map.origin
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._ids: dict[str, int] = {}
+        self._used: set[int] = set()
         self._equipped: dict[str, bool] = {}
         listeners = {self._id_of(name): name for name in self._instrumented}
         buildings = None if footprints is None else Buildings(footprints)
@@ -58,6 +59,7 @@ class EmbeddedNetwork:
         self._now_ns = self._clock.stamp_ns(0)
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
+        self.pseudonyms: tuple[PseudonymUse, ...] = ()
 
     def simulate_until(self, stamp_ns: int) -> NetworkStep:
         step = self._step(stamp_ns)
@@ -76,6 +78,8 @@ class EmbeddedNetwork:
                 self._stations[name].user = user
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
+        changes = [self._rename(station) for station in self._by_id if station.wants_pseudonym()]
+        self.pseudonyms = tuple(changes)
         for station in self._by_id:
             for service in station.services if station.state is not None else ():
                 service.update(self._now_ns, station.state, station.user, drivers)
@@ -119,7 +123,16 @@ class EmbeddedNetwork:
         """The packet around a message; empty in a drive without."""
         if self._packets is None:
             return b""
+        self._packets.note(station.id, message.payload)
         return self._packets.packet(station.id, message.time_ns, message.payload, message.cam)
+
+    def _rename(self, station: Station) -> PseudonymUse:
+        rng = named_generator(self._clock.seed, "v2x", "pseudonyms", station.id, station.pseudonym)
+        while (pseudonym := int(rng.integers(1, 2**31))) in self._used:
+            pass
+        self._used.add(pseudonym)
+        station.rename(pseudonym)
+        return PseudonymUse(self._now_ns, station.id, pseudonym)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
@@ -141,10 +154,11 @@ class EmbeddedNetwork:
     def _id_of(self, name: str) -> int:
         """A random 31-bit station id for the vehicle, unique in the drive."""
         if name not in self._ids:
-            rng, taken = named_generator(self._clock.seed, "v2x", "station id", name), set(self._ids.values())
-            while (station_id := int(rng.integers(1, 2**31))) in taken:
+            rng = named_generator(self._clock.seed, "v2x", "station id", name)
+            while (station_id := int(rng.integers(1, 2**31))) in self._used:
                 pass
             self._ids[name] = station_id
+            self._used.add(station_id)
         return self._ids[name]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from advpipe.pipeline.v2x.facilities.generation import (
     first_check_ns,
 )
 from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_estimate, own_state
+from advpipe.pipeline.v2x.facilities.pseudonyms import PseudonymChanger
 from advpipe.pipeline.v2x.facilities.reference_point import reference_points
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.section import V2x
@@ -35,19 +37,24 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 class Station:
     """One vehicle's ITS station, from its first appearance on.
 
-    user: the vehicle at the newest step. state: the station's own state then.
+    id: of its radio, the truth. pseudonym: what it calls itself now. user: the vehicle at the newest step.
+    state: the station's own state then.
     """
 
     def __init__(
         self, v2x: V2x, seed: int, step_s: float, station_id: int, user: RoadUser, now_ns: int
     ) -> None:
-        self.id, self.user = station_id, user
+        self.id, self.pseudonym, self.user = station_id, station_id, user
         self.type = user.variant.body.station_type or StationType.UNKNOWN
         self.errors = ReceiverErrors(
             v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id)
         )
         self.state: StationState | None = None
         self.services: list[MessageService] = []
+        self._changer: PseudonymChanger | None = None
+        if v2x.pseudonyms is not None:
+            rng = named_generator(seed, "v2x", "pseudonym changes", station_id)
+            self._changer = PseudonymChanger(v2x.pseudonyms, rng)
         self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
         self._dcc = congestion_control(v2x)
         self._next_check_ns = first_check_ns(now_ns, seed, station_id)
@@ -66,11 +73,33 @@ class Station:
             self._dcc.update(busy_ratio)
 
     def messages_before(self, end_ns: int) -> Iterator[GeneratedMessage]:
-        """The messages that it hands to its radio before `end_ns`."""
+        """The messages that it hands to its radio before `end_ns`; none while it is silent."""
+        if self._changer is not None and self._changer.is_silent:
+            while self._next_check_ns < end_ns:
+                self._next_check_ns += CHECK_INTERVAL_NS
+            for service in self.services:
+                for _ in service.messages_before(end_ns):
+                    pass
+            return
         for cam in self._cams_before(end_ns):
             yield GeneratedMessage(cam.time_ns, cam.payload, cam.cam)
         for service in self.services:
             yield from service.messages_before(end_ns)
+
+    def wants_pseudonym(self) -> bool:
+        """Whether it takes another pseudonym now; call it once for each of its states."""
+        if self._changer is None or self.state is None:
+            return False
+        return self._changer.update(self.state, any(service.is_active for service in self.services))
+
+    def rename(self, pseudonym: int) -> None:
+        """Take another pseudonym, from the next message on."""
+        assert self.state is not None
+        self.pseudonym = pseudonym
+        self.state = replace(self.state, station_id=pseudonym)
+        self._generator.forget()
+        for service in self.services:
+            service.rename(pseudonym)
 
     def _cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
         """Check the generation rules at every due instant before `end_ns`, with the newest state."""
@@ -111,7 +140,7 @@ def update_states(
         estimate = estimates.get(station.user.id)
         station.state = own_state(
             Identity(
-                station.id,
+                station.pseudonym,
                 station.type,
                 station.user.variant.length_m,
                 station.user.variant.width_m,
