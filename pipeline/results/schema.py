@@ -31,6 +31,7 @@ from advpipe.pipeline.results.records import (
 )
 from advpipe.pipeline.results.row import PLAIN_BASELINE, AttackRecord, FrameCounts
 from advpipe.pipeline.results.v2x import V2xRecord
+from advpipe.pipeline.results.v2x_security import DenmRecord, PrivacyRecord, SecurityRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -59,6 +60,9 @@ def report_schema() -> Schema:
         "kitti": KittiRecord,
         "localisation": LocalisationRecord,
         "v2x": V2xRecord,
+        "security": SecurityRecord,
+        "privacy": PrivacyRecord,
+        "denm": DenmRecord,
         "cooperative": CooperativeRecord,
         "coordinated": CoordinatedRecord,
     }

@@ -19,7 +19,10 @@ from advpipe.stages.evaluate.localisation.section import localisation_sections a
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.section import ReportSection
+from advpipe.stages.evaluate.v2x.denm_section import denm_sections as denm
+from advpipe.stages.evaluate.v2x.privacy import privacy_sections as privacy
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
+from advpipe.stages.evaluate.v2x.signed_messages import security_sections as security
 
 OF_WINDOW = (
     "All values of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
@@ -40,7 +43,7 @@ def added_sections(
     judged = partial(v2x, detectors=options.misbehaviour)
     sections = [
         section
-        for family in (seen, localisation, judged)
+        for family in (seen, localisation, judged, security, privacy, denm)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
     if window.end_ns is not None:

@@ -182,7 +182,7 @@ class V2xAttack(Attack):
     """An attack on messages; the module's docstring has the rules."""
 
     family = "v2x"
-    family_title = "V2X: change, delay, drop or add Cooperative Awareness Messages (CAMs)"
+    family_title = "V2X: change, delay, drop or add messages (CAMs and DENMs)"
     usual_options = "--attacker 20%"
     own_keys = ("attackers", "dcc_reacts", "credentials")
     traits_type = V2xTraits

@@ -213,7 +213,7 @@ class V2xChange:
     def counts(self) -> Counter[str]:
         """The numbers of CAMs that were changed, added, delayed, dropped, made invalid, corrupt before the
         attack, or held back by the benign stations' congestion control; and the attacks that met no CAM."""
-        counts = Counter({f"CAMs {what}": count for what, count in self._labels.counts.items()})
+        counts = self._labels.counts.copy()
         for editor_index, editor in enumerate(self._editors):
             if isinstance(editor, V2xAttack) and editor_index not in self._labels.touching:
                 counts[f"attack that met no CAM: {editor.name}"] += 1

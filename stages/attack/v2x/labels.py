@@ -27,7 +27,7 @@ from advpipe.pipeline.messages.debug import FALSE, NOT_SENT, TRUE, ClaimedPositi
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import has_effect
-from advpipe.pipeline.v2x.message_type import is_cam
+from advpipe.pipeline.v2x.message_type import is_cam, message_type_of
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
@@ -60,8 +60,8 @@ class Labels:
 
     The columns of `v2x_labels.parquet`: `labels.messages.MESSAGE_COLUMNS`.
 
-    touching: indices of the editors that touched any message. counts: messages by action, and "made
-    invalid": how many of them were CAMs before but no longer. Messages still held back when the file is
+    touching: indices of the editors that touched any message. counts: messages by type and action,
+    and how many were CAMs before but no longer. Messages still held back when the file is
     written count as dropped. declared: declarations of attacks, by their indices among all editors.
     identities: what stations call themselves.
     """
@@ -190,7 +190,9 @@ class Labels:
             self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
-        return attack.context.acts(message) and self.cams.open(message.payload) is None
+        if not _is_cam(message) or not attack.context.acts(message):
+            return False
+        return self.cams.open(message.payload) is None
 
     def _genuine(self, message: Sent) -> bytes | None:
         """The latest genuine message of the station that a message claims to be from."""
@@ -240,8 +242,8 @@ class Labels:
             )
         self._rows.append(row)
         self._step_rows.append(row)
-        self.counts[action] += 1
-        self.counts["made invalid"] += is_sent and row.before is not None and row.false is None
+        self.counts[f"{message_type_of(message.payload).codec.name}s {action}"] += 1
+        self.counts["CAMs made invalid"] += is_sent and row.before is not None and row.false is None
 
     def _judged(
         self, part: V2xAttack, message: Sent, true: Values | None, false: Values | None

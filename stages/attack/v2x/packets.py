@@ -11,6 +11,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import Credentials
 from advpipe.pipeline.v2x.channel import ChannelResult, Sent
+from advpipe.pipeline.v2x.message_type import message_type_of
 from advpipe.pipeline.v2x.security.keys import SigningKey
 from advpipe.pipeline.v2x.security.pki import TICKET_HOURS, Holder, Pki
 from advpipe.pipeline.v2x.stack import PacketBuilder
@@ -69,11 +70,12 @@ class AttackedPackets:
         """Count what became of attacked messages at receivers that verify signatures."""
         if self._drive.v2x.security == "none":
             return
-        accepted = sum(one.sent.number in self._attacked for one in result.received)
-        self.counts["attacked CAMs that receivers verified"] += accepted
+        for received in result.received:
+            if received.sent.number in self._attacked:
+                self.counts[f"attacked {_kind(received.sent)} that receivers verified"] += 1
         for one in result.rejected:
             if one.sent.number in self._attacked:
-                self.counts[f"attacked CAMs that receivers rejected: {one.rejection.value}"] += 1
+                self.counts[f"attacked {_kind(one.sent)} that receivers rejected: {one.rejection.value}"] += 1
 
     def _pack(self, builder: PacketBuilder, sent: Sent) -> Sent:
         credentials = self._credentials.get(sent.station_id, "ticket")
@@ -82,6 +84,10 @@ class AttackedPackets:
         is_signed = credentials != "none"
         packet = builder.packet(sent.station_id, sent.request_ns, sent.payload, is_signed=is_signed)
         return replace(sent, packet=packet)
+
+
+def _kind(sent: Sent) -> str:
+    return f"{message_type_of(sent.payload).codec.name}s"
 
 
 def _content(sent: Sent) -> tuple[int, int, bytes]:
