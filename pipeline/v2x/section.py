@@ -301,6 +301,18 @@ class SecurityRules(Section):
     clock_tolerance_s: NotNegative = Field(
         0.2, le=60, description="how far in the future a message may have been signed"
     )
+    expired_share: Probability = Field(0.0, description="share of the stations whose tickets have expired")
+    unpermitted_share: Probability = Field(
+        0.0, description="share of the others whose tickets do not permit CAMs"
+    )
+    expired_authority: Switch = Field(
+        False, description="the certificates of the authority and the root have expired"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        unused = {"expired_share": 0.0, "unpermitted_share": 0.0, "expired_authority": False}
+        return _recorded(self, handler(self), **unused)
 
 
 class V2x(Section):
@@ -322,6 +334,9 @@ class V2x(Section):
     )
     pseudonyms: PseudonymRules | None = Field(
         None, description="changes of pseudonyms; null: every station keeps its identity"
+    )
+    clock_error_s: NotNegative = Field(
+        0.0, le=30, description="standard deviation of the error of each station's clock"
     )
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
@@ -357,6 +372,7 @@ class V2x(Section):
             security_rules=SecurityRules(),
             denm=None,
             pseudonyms=None,
+            clock_error_s=0.0,
         )
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.v2x.clock import clock_error_ns
 from advpipe.pipeline.v2x.codec.btp import btp_packet, parse_btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import CamError, MessageError
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
@@ -27,7 +28,7 @@ from advpipe.pipeline.v2x.geonetworking.packet import (
 from advpipe.pipeline.v2x.geonetworking.position_vector import position_vector
 from advpipe.pipeline.v2x.message_type import CAM, DENM, claimed_station_id, is_cam, message_type_of
 from advpipe.pipeline.v2x.section import V2x
-from advpipe.pipeline.v2x.security.pki import Holder, Pki
+from advpipe.pipeline.v2x.security.pki import Holder, Pki, honest_ticket
 from advpipe.pipeline.v2x.security.signer import EnvelopeSigner
 from advpipe.pipeline.v2x.security.verifier import MessageVerifier, Rejection, SignatureChecks
 
@@ -58,7 +59,7 @@ class PacketBuilder:
     def __init__(
         self, v2x: V2x, seed: int, start_ns: int, holders: Mapping[int, Holder] | None = None
     ) -> None:
-        self._seed, self._rules = seed, v2x.security_rules
+        self._v2x, self._seed, self._rules = v2x, seed, v2x.security_rules
         self._pki = Pki.of(v2x, seed, start_ns) if v2x.security == "etsi" else None
         self._holders = holders or {}
         self._signers: dict[tuple[int, int], EnvelopeSigner] = {}
@@ -66,6 +67,7 @@ class PacketBuilder:
         self._newest_cams: dict[int, bytes] = {}
         self._pseudonyms: dict[int, int] = {}
         self._counts: Counter[bytes] = Counter()
+        self._clock_errors_ns: dict[int, int] = {}
 
     def packet(
         self,
@@ -99,9 +101,10 @@ class PacketBuilder:
             content = broadcast_content(vector, btp, kind.traffic_class)
         if self._pki is None or not is_signed:
             return geonetworking_packet(content)
+        local_ns = now_ns + self._clock_error_ns(station_id)
         location = _LOCATION.pack(vector.latitude, vector.longitude, _SEA_LEVEL) if kind is DENM else b""
         return geonetworking_packet(
-            self._signer(self._pki, station_id).sign(content, now_ns, kind.psid, location), is_secured=True
+            self._signer(self._pki, station_id).sign(content, local_ns, kind.psid, location), is_secured=True
         )
 
     def note(self, station_id: int, payload: bytes) -> None:
@@ -116,10 +119,15 @@ class PacketBuilder:
         identity = station_id, pseudonym
         if identity not in self._signers:
             names = (station_id,) if pseudonym == station_id else identity
-            holder = self._holders.get(station_id) or pki.ticket(*names)
+            holder = self._holders.get(station_id) or honest_ticket(pki, self._v2x, self._seed, names)
             interval_ns = round(self._rules.certificate_interval_s * 1e9)
             self._signers[identity] = EnvelopeSigner(holder, interval_ns)
         return self._signers[identity]
+
+    def _clock_error_ns(self, station_id: int) -> int:
+        if station_id not in self._clock_errors_ns:
+            self._clock_errors_ns[station_id] = clock_error_ns(self._v2x, self._seed, station_id)
+        return self._clock_errors_ns[station_id]
 
     def _count(self, mac: bytes) -> int:
         """The number of an address's next geographical broadcast."""

@@ -63,7 +63,7 @@ class DenmGenerator:
                     event.denm = self._state_of(event.denm, state)
             elif event is not None:
                 del self._events[kind]
-                ended = event.denm.terminated(self.station_id, now_ns)
+                ended = event.denm.terminated(self.station_id, state.time_ns)
                 self._ending.append(_Event(ended, now_ns + self._phase_ns, CANCELLATIONS))
 
     def messages_before(self, end_ns: int) -> Iterator[tuple[int, bytes]]:

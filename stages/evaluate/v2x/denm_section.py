@@ -114,7 +114,7 @@ def _received(reader: BagReader, vehicle: str) -> _Received:
 def _cams(reader: BagReader, recording: V2xRecording) -> dict[str, dict[int, list[Claim]]]:
     """What each vehicle has heard from each station, by arrival."""
     found: dict[str, dict[int, list[Claim]]] = {}
-    for each in read_receptions(reader, recording=recording):
+    for each in read_receptions(reader, recording=recording, is_linked=False):
         by_station = found.setdefault(each.listener, {})
         for claim in each.claims:
             by_station.setdefault(claim.station_id, []).append(claim)

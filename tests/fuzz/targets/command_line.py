@@ -108,6 +108,7 @@ OPTIONS = (
         "--split",
         "--licence",
         "--sign",
+        "--credentials",
         "--traceback",
     ),
     *("--cloud", "--attacked", "--remove", "--all"),

@@ -11,6 +11,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.v2x.clock import clock_error_ns
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.congestion_control import congestion_control
 from advpipe.pipeline.v2x.facilities.generation import (
@@ -50,6 +51,7 @@ class Station:
             v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id)
         )
         self.state: StationState | None = None
+        self.clock_error_ns = clock_error_ns(v2x, seed, station_id)
         self.services: list[MessageService] = []
         self._changer: PseudonymChanger | None = None
         if v2x.pseudonyms is not None:
@@ -146,7 +148,7 @@ def update_states(
                 station.user.variant.width_m,
                 station.user.variant.body.trailer,
             ),
-            now_ns,
+            now_ns + station.clock_error_ns,
             place,
             receiver if estimate is None else accuracy_of_estimate(estimate),
             speed_mps=speed_mps,
