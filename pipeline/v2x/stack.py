@@ -109,9 +109,9 @@ class PacketBuilder:
 
     def note(self, station_id: int, payload: bytes) -> None:
         """Note what a radio sends without an attack: the newest CAM, and the pseudonym that it uses now."""
+        self._pseudonyms[station_id] = claimed_station_id(payload) or station_id
         if is_cam(payload):
             self._newest_cams[station_id] = payload
-            self._pseudonyms[station_id] = claimed_station_id(payload) or station_id
 
     def _signer(self, pki: Pki, station_id: int) -> EnvelopeSigner:
         """The signer of a radio, with the ticket of its present pseudonym."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.pipeline.v2x.message_type import claimed_station_id, is_cam
+from advpipe.pipeline.v2x.message_type import claimed_station_id
 
 
 class StationIdentities:
@@ -18,7 +18,7 @@ class StationIdentities:
     def note(self, recorded: Iterable[Sent]) -> None:
         """Take in the recorded messages of a step."""
         for one in recorded:
-            claimed = claimed_station_id(one.payload) if is_cam(one.payload) else None
+            claimed = claimed_station_id(one.payload)
             if claimed is not None:
                 self._newest[one.station_id] = claimed
                 self._radios[claimed] = one.station_id

@@ -63,7 +63,7 @@ def test_false_and_suppressed_events_are_counted(clean: Path, bags: list[Path]) 
 
 
 def test_verify_finds_no_fault(clean: Path, bags: list[Path]) -> None:
-    assert not verify(clean.parent).faults
+    assert not verify(clean.parent).findings
 
 
 def test_a_new_pseudonym_is_no_misbehaviour(clean: Path) -> None:
