@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -73,7 +74,7 @@ class _ByManoeuvre:
         return turned_rad >= self._heading_rad or faster_mps >= self._speed_mps
 
 
-_POLICIES: dict[str, type[_Policy]] = {
+_POLICIES: dict[str, Callable[[PseudonymRules], _Policy]] = {
     "period": _ByPeriod,
     "distance": _ByDistance,
     "silent_period": _ByPeriod,

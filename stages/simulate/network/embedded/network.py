@@ -81,8 +81,7 @@ class EmbeddedNetwork:
         changes = [self._rename(station) for station in self._by_id if station.wants_pseudonym()]
         self.pseudonyms = tuple(changes)
         for station in self._by_id:
-            for service in station.services if station.state is not None else ():
-                service.update(self._now_ns, station.state, station.user, drivers)
+            station.update_services(self._now_ns, drivers)
         self.radios = tuple(station.place for station in self._by_id)
 
     def local_dynamic_maps(self) -> list[tuple[str, LdmSnapshot]]:

@@ -88,6 +88,12 @@ class Station:
         for service in self.services:
             yield from service.messages_before(end_ns)
 
+    def update_services(self, now_ns: int, drivers: Mapping[str, RoadUser]) -> None:
+        """Hand the station's newest state, and all vehicles on the road, to its services."""
+        if self.state is not None:
+            for service in self.services:
+                service.update(now_ns, self.state, self.user, drivers)
+
     def wants_pseudonym(self) -> bool:
         """Whether it takes another pseudonym now; call it once for each of its states."""
         if self._changer is None or self.state is None:

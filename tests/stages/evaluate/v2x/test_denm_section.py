@@ -20,7 +20,7 @@ from advpipe.stages.simulate.run import simulate
 from advpipe.stages.verify.run import verify
 
 SETTINGS = (
-    "simulation.duration_s=5",
+    "simulation.duration_s=4",
     "v2x.penetration=1",
     "v2x.denm={stopped_s: 0.3, braking_mps2: 2.0, time_to_collision_s: 3}",
     "v2x.pseudonyms={period_s: 1.5}",
@@ -40,7 +40,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bags(clean: Path) -> list[Path]:
     found = []
-    for name in ("denm-false", "denm-suppress", "cam-masquerade"):
+    for name in ("denm-false", "denm-suppress"):
         found.append(clean.parent / name)
         attack(clean, found[-1], AttackRequest((AttackSpec(type=name),)))
     return found
@@ -48,7 +48,7 @@ def bags(clean: Path) -> list[Path]:
 
 def test_false_and_suppressed_events_are_counted(clean: Path, bags: list[Path]) -> None:
     (section,) = denm_sections(clean, bags)
-    honest, false, suppressed, untouched = section.records
+    honest, false, suppressed = section.records
     assert honest.false_messages == honest.false_events == honest.suppressed == 0
     assert honest.events >= honest.known > 5
     assert honest.messages > 20
@@ -58,7 +58,6 @@ def test_false_and_suppressed_events_are_counted(clean: Path, bags: list[Path]) 
     assert suppressed.suppressed > 3
     assert suppressed.false_events == 0
     assert suppressed.recall > 0.2
-    assert untouched.false_messages == 0
     assert section.tables[0].lines[1][:2] == ("denm-false", "ego")
 
 
