@@ -24,8 +24,7 @@ SETTINGS = (
     "v2x.penetration=1",
     "v2x.denm={stopped_s: 0.3, braking_mps2: 2.0, time_to_collision_s: 3}",
     "v2x.pseudonyms={period_s: 1.5}",
-    "sensors.lidars.lidar.channels=1",
-    "sensors.lidars.lidar.points_per_second=1000",
+    "sensors.lidars={}",
 )
 MOST_FLAGGED = 0.02
 """Share of honest messages that a detector with the pseudonyms linked may flag in this drive."""
