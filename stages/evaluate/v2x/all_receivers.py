@@ -26,7 +26,7 @@ class StationReception(NamedTuple):
 
 
 def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xStep, list[StationReception]]]:
-    """Each step with the receptions in it, for each receiver in order of arrival.
+    """Each step with its CAMs and their receptions, for each receiver in order of arrival.
 
     The bag records what the instrumented vehicles received; for all others the radio is simulated again. A
     message that was sent after the last instant with recorded positions is left out, whoever received it.
