@@ -43,12 +43,13 @@ def added_sections(
     judged = partial(v2x, detectors=options.misbehaviour)
     sections = [
         section
-        for family in (seen, localisation, judged, security, privacy, denm)
+        for family in (seen, localisation, judged)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
     if window.end_ns is not None:
         note = OF_WINDOW.format(length_s=(window.end_ns - window.begin_ns) / 1e9)
         sections = [replace(section, notes=(*section.notes, note)) for section in sections]
+    whole = [each for family in (security, privacy, denm) for each in family(clean, adversarial)]
     own_rules = kitti(clean, summaries, options)
     fused = cooperative(
         clean,
@@ -60,7 +61,7 @@ def added_sections(
         lidar_topic=options.lidar_topic,
         adaptation=options.adaptation,
     )
-    return [*own_rules, *sections, *fused]
+    return [*own_rules, *sections, *whole, *fused]
 
 
 def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> dict[Path, DetectedFrames]:

@@ -11,7 +11,6 @@ import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import RecordedReception, recorded_receptions
-from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.labels.messages import has_labels, read_labels
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_SENT
 from advpipe.pipeline.misbehaviour.claim import Claim
@@ -56,11 +55,8 @@ class _Received:
     denms: list[Denm]
 
 
-def denm_sections(
-    clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
-) -> tuple[ReportSection, ...]:
+def denm_sections(clean: Path, adversarial: Sequence[Path]) -> tuple[ReportSection, ...]:
     """One section on the bags in which vehicles received DENMs; none if none did. The whole drives count."""
-    del seed, window
     bags = [(clean, "clean"), *((bag, bag_name(bag)) for bag in adversarial)]
     records = [record for bag, name in bags for record in _records(BagReader(bag), bag, name)]
     if not any(each.messages for each in records):

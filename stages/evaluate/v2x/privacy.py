@@ -15,7 +15,6 @@ import numpy as np
 from advpipe.pipeline.bag.latched import ReceiversInfo, read_scenario_info
 from advpipe.pipeline.bag.pseudonyms import read_pseudonyms
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.replay.v2x_drive import V2xStep, read_steps
 from advpipe.pipeline.results.v2x_security import DensityRecord, PrivacyRecord
@@ -65,11 +64,9 @@ class _Heard:
     neighbours: dict[int, int] = field(default_factory=dict)
 
 
-def privacy_sections(
-    clean: Path, adversarial: Sequence[Path] = (), seed: int = 0, window: Window = WHOLE_DRIVE
-) -> tuple[ReportSection, ...]:
+def privacy_sections(clean: Path, adversarial: Sequence[Path] = ()) -> tuple[ReportSection, ...]:
     """One section on the clean drive; none where stations keep their identities. The whole drive counts."""
-    del adversarial, seed, window
+    del adversarial
     reader = BagReader(clean)
     if not read_pseudonyms(reader):
         return ()

@@ -12,7 +12,6 @@ from typing import Any
 from advpipe.pipeline.bag.latched import ReceiversInfo, read_scenario_info
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import receiving_vehicles
-from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.labels.messages import has_labels, read_labels
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
 from advpipe.pipeline.results.v2x_security import ReasonCount, SecurityRecord
@@ -46,11 +45,8 @@ class _Fate:
     why: Counter[str] = field(default_factory=Counter)
 
 
-def security_sections(
-    clean: Path, adversarial: Sequence[Path], seed: int = 0, window: Window = WHOLE_DRIVE
-) -> tuple[ReportSection, ...]:
+def security_sections(clean: Path, adversarial: Sequence[Path]) -> tuple[ReportSection, ...]:
     """One section on the bags whose messages are signed; none if none are. The whole drives count."""
-    del seed, window
     bags = [(clean, "clean"), *((bag, bag_name(bag)) for bag in adversarial)]
     records = tuple(record for bag, name in bags for record in _records(BagReader(bag), bag, name))
     if not records:
