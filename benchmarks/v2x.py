@@ -6,9 +6,11 @@ latter two meet the same machine; where others use it, the drives in turns do no
 message without any drive: generate, encode, transmit, decode, Local Dynamic Map.
 
     python benchmarks/v2x.py [--vehicles 230] [--frames 60] [--rounds 3] [--set key=value]
+    python benchmarks/v2x.py --set v2x.security=etsi
     python benchmarks/v2x.py --fleet 2000
 
-The second form measures fleets of 100 to 2000 stations without a drive.
+With signed messages, it also says which share of the drive signing and verifying take. The last form measures
+fleets of 100 to 2000 stations without a drive.
 """
 
 from __future__ import annotations
@@ -44,6 +46,8 @@ from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.stations import Stations
 from advpipe.pipeline.v2x.section import V2x
+from advpipe.pipeline.v2x.security.signer import EnvelopeSigner
+from advpipe.pipeline.v2x.security.verifier import MessageVerifier
 from advpipe.stages.simulate import recorder, run
 from advpipe.stages.simulate.network.embedded.network import EmbeddedNetwork
 from advpipe.stages.simulate.recorder import Recorder
@@ -67,6 +71,9 @@ CODEC = (
 """Functions where they are called: bytes and values, nothing else."""
 
 
+SECURITY = ((EnvelopeSigner, "sign"), (MessageVerifier, "verify"))
+"""Signatures, and the envelopes and certificates around them."""
+
 V2X = (
     (EmbeddedNetwork, "simulate_until"),
     (EmbeddedNetwork, "update"),
@@ -82,9 +89,11 @@ class Clock:
     """Seconds of V2X in a drive, of the codec, and of the drive's loop."""
 
     def __init__(self) -> None:
-        self.seconds = dict.fromkeys(("codec", "v2x", "sumo", "loop"), 0.0)
+        self.seconds = dict.fromkeys(("codec", "security", "v2x", "sumo", "loop"), 0.0)
         for owner, name in CODEC:
             self.wrap(owner, name, "codec")
+        for owner, name in SECURITY:
+            self.wrap(owner, name, "security")
         for owner, name in V2X:
             self.wrap(owner, name, "v2x")
         self.wrap(SumoTraffic, "step", "sumo")
@@ -111,12 +120,14 @@ class Clock:
         self.seconds["loop"] = time.perf_counter() - start_s
 
     def drive(self, scenario: Scenario) -> Taken:
-        """Seconds in all, in V2X, in the codec; and CAMs sent."""
+        """Seconds in all, in V2X, in the codec, in signing and verifying; and CAMs sent."""
         self.seconds = dict.fromkeys(self.seconds, 0.0)
         with scratch() as folder:
             summary = run.simulate(scenario, Path(folder) / "drive")
         seconds, cams = self.seconds, 0 if summary.v2x is None else summary.v2x.cams
-        return Taken(seconds["loop"], seconds["v2x"] - seconds["sumo"], seconds["codec"], cams)
+        return Taken(
+            seconds["loop"], seconds["v2x"] - seconds["sumo"], seconds["codec"], seconds["security"], cams
+        )
 
 
 def _is_v2x(_: BagWriter, topic: Topic, *rest: object) -> bool:
@@ -127,6 +138,7 @@ class Taken(NamedTuple):
     total_s: float
     v2x_s: float
     codec_s: float
+    security_s: float
     cams: int
 
 
@@ -149,8 +161,12 @@ def drives(settings: list[str], frames: int, rounds: int) -> float:
         ("with V2X", [one.total_s for one in full]),
         ("V2X in it", [one.v2x_s for one in full]),
         ("its codec", [one.codec_s for one in full]),
+        *([("its signatures", [one.security_s for one in full])] if full[0].security_s else []),
     ):
         print(f"  {name:14} {1000 * statistics.median(seconds) / frames:7.1f} ms a frame")
+    if full[0].security_s:
+        share = statistics.median(one.security_s / one.total_s for one in full)
+        print(f"share of signing and verifying in the drive {100 * share:.1f} %")
     turns = [(one.total_s - one.codec_s) / other.total_s for one, other in zip(full, plain, strict=True)]
     print(f"in turns, beyond the codec {statistics.median(turns):.2f}")
     return statistics.median((one.total_s - one.codec_s) / (one.total_s - one.v2x_s) for one in full)

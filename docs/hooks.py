@@ -172,6 +172,7 @@ def figures(section: str) -> str:
     from advpipe.stages.evaluate.radar import section as radar
     from advpipe.stages.evaluate.report import attack_detection
     from advpipe.stages.evaluate.report.report import DEFINITIONS
+    from advpipe.stages.evaluate.v2x import denm_section, privacy, signed_messages
     from advpipe.stages.evaluate.v2x import section as v2x
 
     formulas = {
@@ -180,6 +181,9 @@ def figures(section: str) -> str:
         "kitti": kitti.FORMULAS,
         "localisation": localisation.FORMULAS,
         "v2x": v2x.FORMULAS,
+        "security": (signed_messages.FORMULA,),
+        "privacy": (privacy.FORMULA,),
+        "denm": (denm_section.FORMULA,),
         "cooperative": cooperative.FORMULAS,
         "collective_perception": collective.FORMULAS,
         "coordinated": coordinated.FORMULAS,

@@ -129,6 +129,10 @@ def _packet(message: Any) -> Problems:
         yield f"has a payload of {len(message.data)} bytes"
 
 
+def _pseudonym(message: Any) -> Problems:
+    yield from _header(message.header)
+
+
 def _v2x_packet(message: Any) -> Problems:
     yield from _reception(message)
     if len(message.data) > MOST_PACKET_BYTES:
@@ -275,6 +279,7 @@ _CHECKS: dict[str, Callable[[Any], Problems]] = {
     "advpipe_msgs/msg/LabelCoverage": _label_coverage,
     "advpipe_msgs/msg/RoadUserArray": _road_users,
     "advpipe_msgs/msg/V2xPacket": _v2x_packet,
+    "advpipe_msgs/msg/V2xPseudonym": _pseudonym,
     "advpipe_msgs/msg/V2xReception": _reception,
     "advpipe_msgs/msg/V2xReceptionInfo": _reception_info,
     "advpipe_msgs/msg/V2xRejection": _rejection,

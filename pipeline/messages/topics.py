@@ -20,6 +20,8 @@ LANES = Topic("/map/lanes", "visualization_msgs/msg/MarkerArray", keep_last(1, l
 V2X_STATIONS = Topic("/v2x/stations", "advpipe_msgs/msg/V2xStationArray", keep_last(10))
 V2X_SENT = Topic("/v2x/sent", "advpipe_msgs/msg/V2xTransmission", keep_last(100))
 V2X_PACKETS = Topic("/v2x/packets", "advpipe_msgs/msg/V2xPacket", keep_last(100))
+V2X_PSEUDONYMS = Topic("/v2x/pseudonyms", "advpipe_msgs/msg/V2xPseudonym", keep_last(100))
+"""Which station took which pseudonym; this is ground truth, which no vehicle knows."""
 V2X_BUILDINGS = Topic("/v2x/buildings", "std_msgs/msg/String", keep_last(1, latched=True))
 BEACONS = Topic("/log/beacons", "advpipe_msgs/msg/BeaconLog", keep_last(100))
 """The records of an imported log of beacons, as the log has them."""

@@ -16,7 +16,13 @@ from advpipe.pipeline.mcap.channel import StampedCdr, Topic
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cam_cdr import message_cdr
 from advpipe.pipeline.messages.cdr import Cdr
-from advpipe.pipeline.messages.topics import V2X_PACKETS, V2X_SENT, V2X_STATIONS, VehicleTopics
+from advpipe.pipeline.messages.topics import (
+    V2X_PACKETS,
+    V2X_PSEUDONYMS,
+    V2X_SENT,
+    V2X_STATIONS,
+    VehicleTopics,
+)
 from advpipe.pipeline.v2x.channel import Received, Rejected, Sent
 from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
@@ -35,6 +41,14 @@ class RadioPlace(NamedTuple):
     map_SE3_base: Float64
     size_m: tuple[float, float, float]
     velocity_mps: Float64
+
+
+class PseudonymUse(NamedTuple):
+    """A station's radio that calls itself otherwise from this time on."""
+
+    time_ns: int
+    station_id: int
+    pseudonym: int
 
 
 def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
@@ -107,6 +121,15 @@ def packet_messages(sent: Sent) -> Iterator[StampedCdr]:
         cdr.uint64(sent.number)
         cdr.octets(sent.packet)
         yield V2X_PACKETS, bytes(cdr), sent.request_ns
+
+
+def pseudonym_message(change: PseudonymUse) -> StampedCdr:
+    """advpipe_msgs/V2xPseudonym, serialised, with its topic and stamp."""
+    cdr = Cdr()
+    cdr.header(change.time_ns, "")
+    cdr.uint32(change.station_id)
+    cdr.uint32(change.pseudonym)
+    return V2X_PSEUDONYMS, bytes(cdr), change.time_ns
 
 
 def rejected_message(rejected: Rejected) -> StampedCdr:

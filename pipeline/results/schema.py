@@ -33,6 +33,7 @@ from advpipe.pipeline.results.records import (
 )
 from advpipe.pipeline.results.row import PLAIN_BASELINE, AttackRecord, FrameCounts
 from advpipe.pipeline.results.v2x import V2xRecord
+from advpipe.pipeline.results.v2x_security import DenmRecord, PrivacyRecord, SecurityRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -61,6 +62,9 @@ def report_schema() -> Schema:
         "kitti": KittiRecord,
         "localisation": LocalisationRecord,
         "v2x": V2xRecord,
+        "security": SecurityRecord,
+        "privacy": PrivacyRecord,
+        "denm": DenmRecord,
         "cooperative": CooperativeRecord,
         "collective_perception": CollectivePerceptionRecord,
         "coordinated": CoordinatedRecord,

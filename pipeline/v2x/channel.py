@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from advpipe.pipeline.localisation.geodesy import Geodesy
+from advpipe.pipeline.v2x.clock import clock_error_ns
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.codec.message_codec import MessageTree
@@ -119,7 +120,11 @@ class Channel:
         self._listeners = dict(listeners)
         self._ids = np.array(sorted(listeners), np.int64)
         heard_kept_s = (v2x.cpm or CpmRules()).kept_s
-        self._maps = {name: LocalDynamicMap(v2x.ldm, heard_kept_s) for name in listeners.values()}
+        self._clock_errors_ns = {name: clock_error_ns(v2x, seed, one) for one, name in listeners.items()}
+        self._maps = {
+            name: LocalDynamicMap(v2x.ldm, heard_kept_s, error_ns)
+            for name, error_ns in self._clock_errors_ns.items()
+        }
         self._on_air: dict[int, Sent] = {}
         self._in_transit: list[Reception] = []
         self._in_verification: list[Reception] = []
@@ -193,12 +198,13 @@ class Channel:
         """The receptions that reach the facilities, and when they do; the others join `rejected`."""
         for reception in receptions:
             listener, sent = self._listeners[reception.receiver], self._on_air[reception.message]
-            delivery = stack.deliver(listener, sent.packet, reception.arrival_ns)
+            error_ns = self._clock_errors_ns[listener]
+            delivery = stack.deliver(listener, sent.packet, reception.arrival_ns + error_ns)
             rejection = delivery.rejection
             if rejection is None and delivery.payload != sent.payload:
                 rejection = Rejection.MALFORMED
             if rejection is None:
-                yield reception._replace(arrival_ns=delivery.done_ns)
+                yield reception._replace(arrival_ns=delivery.done_ns - error_ns)
             else:
                 rejected.append(Rejected(listener, sent, reception.arrival_ns, rejection))
 

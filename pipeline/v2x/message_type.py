@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from advpipe.pipeline.v2x.codec.btp import CAM_PORT
 from advpipe.pipeline.v2x.codec.codec import CAM_CODEC
 from advpipe.pipeline.v2x.codec.cpm_codec import CPM_CODEC
+from advpipe.pipeline.v2x.codec.denm_codec import DENM_CODEC, DENM_PORT
 from advpipe.pipeline.v2x.codec.message_codec import MessageCodec
 
 HEADER_BYTES = 6
@@ -68,7 +69,18 @@ CPM = MessageType(
     ros_type="CollectivePerceptionMessage",
 )
 
-MESSAGE_TYPES: Mapping[str, MessageType] = {each.name: each for each in (CAM, CPM)}
+DENM = MessageType(
+    "denm",
+    DENM_CODEC,
+    port=DENM_PORT,
+    psid=37,
+    permissions=bytes.fromhex("01 ff ff ff"),  # version 1, every cause (EN 302 637-3, 6.2.2.3)
+    traffic_class=1,
+    ros_package="etsi_its_denm_msgs",
+    ros_type="DENM",
+)
+
+MESSAGE_TYPES: Mapping[str, MessageType] = {each.name: each for each in (CAM, DENM, CPM)}
 """All types, by name."""
 
 _BY_HEADER = {bytes([each.codec.protocol_version, each.message_id]): each for each in MESSAGE_TYPES.values()}

@@ -18,6 +18,9 @@ from advpipe.pipeline.core.section import (
     Whole,
 )
 from advpipe.pipeline.v2x.cpm_section import CpmRules
+from advpipe.pipeline.v2x.message_type import CAM, DENM, MessageType
+from advpipe.pipeline.v2x.station_section import DenmRules as DenmRules
+from advpipe.pipeline.v2x.station_section import PseudonymRules as PseudonymRules
 
 CHANNEL_BITRATES_MBPS = (3.0, 4.5, 6.0, 9.0, 12.0, 18.0, 24.0, 27.0)
 """Bitrates of OFDM in a channel of 10 MHz (IEEE 802.11-2016, table 17-4); they scale with the bandwidth."""
@@ -246,6 +249,18 @@ class SecurityRules(Section):
     clock_tolerance_s: NotNegative = Field(
         0.2, le=60, description="how far in the future a message may have been signed"
     )
+    expired_share: Probability = Field(0.0, description="share of the stations whose tickets have expired")
+    unpermitted_share: Probability = Field(
+        0.0, description="share of the others whose tickets do not permit CAMs"
+    )
+    expired_authority: Switch = Field(
+        False, description="the certificates of the authority and the root have expired"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        unused = {"expired_share": 0.0, "unpermitted_share": 0.0, "expired_authority": False}
+        return _recorded(self, handler(self), **unused)
 
 
 class V2x(Section):
@@ -262,6 +277,15 @@ class V2x(Section):
     )
     radio: Radio = Radio()
     cam: CamRules = CamRules()
+    denm: DenmRules | None = Field(
+        None, description="warnings of stopped vehicles, hard braking and collision risks; null: none"
+    )
+    pseudonyms: PseudonymRules | None = Field(
+        None, description="changes of pseudonyms; null: every station keeps its identity"
+    )
+    clock_error_s: NotNegative = Field(
+        0.0, le=30, description="standard deviation of the error of each station's clock"
+    )
     others: SelfKnowledge = SelfKnowledge()
     ldm: LdmRules = LdmRules()
     cpm: CpmRules | None = Field(
@@ -279,13 +303,18 @@ class V2x(Section):
     security_rules: SecurityRules = SecurityRules()
 
     @property
+    def message_types(self) -> tuple[MessageType, ...]:
+        """The types of messages that stations send."""
+        return (CAM,) if self.denm is None else (CAM, DENM)
+
+    @property
     def has_packets(self) -> bool:
         """Whether messages have GeoNetworking headers and the envelopes inside them."""
         return self.geonetworking or self.security != "none"
 
     @model_serializer(mode="wrap")
     def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Drives without packets and security are recorded as before there were any."""
+        """Drives without packets, security and DENMs are recorded as before there were any."""
         return _recorded(
             self,
             handler(self),
@@ -293,6 +322,9 @@ class V2x(Section):
             geonetworking=False,
             security="none",
             security_rules=SecurityRules(),
+            denm=None,
+            pseudonyms=None,
+            clock_error_s=0.0,
         )
 
     def is_ldm_due(self, frame: int, step_s: float) -> bool:

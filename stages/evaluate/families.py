@@ -21,7 +21,10 @@ from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.radar.section import radar_sections as radar
 from advpipe.stages.evaluate.report.clean import of_first_detector
 from advpipe.stages.evaluate.report.section import ReportSection
+from advpipe.stages.evaluate.v2x.denm_section import denm_sections as denm
+from advpipe.stages.evaluate.v2x.privacy import privacy_sections as privacy
 from advpipe.stages.evaluate.v2x.section import v2x_sections as v2x
+from advpipe.stages.evaluate.v2x.signed_messages import security_sections as security
 
 OF_WINDOW = (
     "All values of this part are of the window of {length_s:.1f} s from the first chosen cloud to one "
@@ -48,6 +51,7 @@ def added_sections(
     if window.end_ns is not None:
         note = OF_WINDOW.format(length_s=(window.end_ns - window.begin_ns) / 1e9)
         sections = [replace(section, notes=(*section.notes, note)) for section in sections]
+    whole = [each for family in (security, privacy, denm) for each in family(clean, adversarial)]
     own_rules = kitti(clean, summaries, options)
     fused = cooperative(
         clean,
@@ -59,7 +63,7 @@ def added_sections(
         lidar_topic=options.lidar_topic,
         adaptation=options.adaptation,
     )
-    return [*own_rules, *sections, *fused]
+    return [*own_rules, *sections, *whole, *fused]
 
 
 def _detected(clean: Path, options: Options, summaries: Sequence[Summary]) -> dict[Path, DetectedFrames]:

@@ -22,9 +22,11 @@ from advpipe.pipeline.messages.markers import Lane, lane_markers
 from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
 from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import (
+    PseudonymUse,
     RadioPlace,
     own_messages,
     packet_messages,
+    pseudonym_message,
     received_messages,
     rejected_message,
     sent_message,
@@ -81,6 +83,7 @@ class Recorder:
         snapshots: Sequence[VehicleSnapshot],
         radios: Sequence[RadioPlace],
         local_dynamic_maps: Sequence[tuple[str, LdmSnapshot]],
+        pseudonyms: Sequence[PseudonymUse] = (),
     ) -> None:
         """Record one step: radio messages up to it, all instrumented vehicles, all radios on the road."""
         stamp_ns = network_step.stamp_ns
@@ -98,6 +101,7 @@ class Recorder:
                 self._step += reading.messages
         if self._scenario.v2x.enabled:
             self._record_radios(stamp_ns, radios)
+            self._step += map(pseudonym_message, pseudonyms)
             self._record_maps(stamp_ns, local_dynamic_maps)
         self._flush()
 

@@ -172,7 +172,8 @@ def _drive(
         network.update(drivers, {s.vehicle: s.onboard.estimate for s in snapshots})
         is_due = scenario.v2x.is_ldm_due(frame, clock.step_s)
         maps = network.local_dynamic_maps() if is_due else ()
-        recorder.record(network_step, snapshots, network.radios, maps)
+        # A network of somebody else's may know no pseudonyms.
+        recorder.record(network_step, snapshots, network.radios, maps, getattr(network, "pseudonyms", ()))
         tally.add(snapshots)
     network_step, v2x = network.finish(), network.statistics()
     recorder.finish(network_step, v2x)

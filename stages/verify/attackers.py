@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from advpipe.pipeline.bag.pseudonyms import radios_by_pseudonym
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -65,6 +66,7 @@ class DeclaredAttackers:
             dict.fromkeys(attacker.name for attacker in self._all if attacker.is_undeclared)
         )
         self.names = selection.names
+        self.radios = radios_by_pseudonym(clean)
         self.attackers = frozenset(
             number for attacker in self._all if attacker.is_sender for number in attacker.senders
         )

@@ -128,7 +128,8 @@ class MessageLabels:
         if row["action"] not in (ADDED, DELAYED):
             return None if origin is None else origin.values
         station_id = row["false_station_id"]
-        payload = None if station_id is None else self.store.last_of(station_id, row["sent_ns"])
+        radio = self.attackers.radios.get(station_id, station_id)
+        payload = None if radio is None else self.store.last_cam_of(radio, row["sent_ns"])
         return None if payload is None else values_of_payload(payload)
 
     def _check_forged(self, diff: MessageDiff, stated: _State | None) -> Iterator[str]:

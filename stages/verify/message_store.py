@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
+from advpipe.pipeline.v2x.message_type import is_cam
 
 Row = dict[str, Any]
 
@@ -103,14 +104,14 @@ class MessageStore:
             )
         )
 
-    def last_of(self, station_id: int, until_ns: int) -> bytes | None:
-        """The payload of a station's last message in the clean bag up to `until_ns`."""
+    def last_cam_of(self, station_id: int, until_ns: int) -> bytes | None:
+        """The payload of a station's last CAM in the clean bag up to `until_ns`."""
         found = self._database.execute(
             "SELECT payload FROM clean WHERE station_id = ? AND request_ns <= ? "
-            "ORDER BY request_ns DESC, number DESC LIMIT 1",
+            "ORDER BY request_ns DESC, number DESC",
             (station_id, until_ns),
-        ).fetchone()
-        return None if found is None else bytes(found[0])
+        )
+        return next((bytes(payload) for (payload,) in found if is_cam(bytes(payload))), None)
 
     def diffs(self) -> Iterator[MessageDiff]:
         """All messages with their labels, by number."""

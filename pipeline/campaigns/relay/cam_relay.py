@@ -228,7 +228,7 @@ class CamRelay:
             self._attacks.names,
             V2x().ldm.expiry_s,
             self._attacks.declared,
-            GrowingTable(self._recorder.folder / FILE, MESSAGE_COLUMNS),
+            grown=GrowingTable(self._recorder.folder / FILE, MESSAGE_COLUMNS),
         )
         return self._attacks
 

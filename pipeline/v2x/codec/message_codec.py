@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
@@ -47,7 +48,7 @@ class MessageCodec:
             return self._uper.encode(tree)
         with PYCRATE_LOCK:
             try:
-                return bytes(self.asn1.to_uper(tree))
+                return bytes(self.asn1.to_uper(deepcopy(tree)))  # which drops default values from it
             except Exception as error:  # pycrate's own errors, and others for values of a wrong type
                 raise self.error(f"cannot encode these values as a {self.name}: {_reason(error)}") from None
 

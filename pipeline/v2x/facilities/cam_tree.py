@@ -259,7 +259,7 @@ def _low_frequency_tree(low: LowFrequency) -> CamTree:
     return {
         "vehicleRole": _ENUMERATED[VehicleRole][low.vehicle_role],
         "exteriorLights": (int(low.exterior_lights), 8),
-        "pathHistory": [_path_point_tree(point) for point in low.path_history],
+        "pathHistory": [path_point_tree(point) for point in low.path_history],
     }
 
 
@@ -271,7 +271,8 @@ def _low_frequency(tree: CamTree) -> LowFrequency:
     )
 
 
-def _path_point_tree(point: PathPoint) -> CamTree:
+def path_point_tree(point: PathPoint) -> CamTree:
+    """The ASN.1 values of a path point."""
     tree: CamTree = {
         "pathPosition": {
             "deltaLatitude": q.DELTA_DEGREES.code(point.delta_latitude_deg),

@@ -88,6 +88,10 @@ class CamGenerator:
         self._last_low_frequency_ns: int | None = None
         self._path = PathHistory()
 
+    def forget(self) -> None:
+        """Begin anew, as after a change of the station's pseudonym: without a past path or a last CAM."""
+        self._path, self._last, self._last_low_frequency_ns = PathHistory(), None, None
+
     def check(self, time_ns: int, state: StationState, dcc_interval_s: float = 0.0) -> GeneratedCam | None:
         """The CAM that the station sends at this time, or None.
 

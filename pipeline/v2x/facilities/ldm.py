@@ -128,9 +128,12 @@ class LocalDynamicMap:
     future, as in Artery. With `keep: newest`, a report generated before the existing one is rejected;
     with `latest` it replaces that one, as in Artery. Station ids are trusted, even the vehicle's own. Objects
     heard of in CPMs are kept apart, for `heard_kept_s`.
+
+    clock_error_ns: by how much the vehicle's clock, with which it judges generation times, is fast.
     """
 
-    def __init__(self, rules: LdmRules, heard_kept_s: float = 1.5) -> None:
+    def __init__(self, rules: LdmRules, heard_kept_s: float = 1.5, clock_error_ns: int = 0) -> None:
+        self._clock_error_ns = clock_error_ns
         self._keep_ns = round(rules.expiry_s * 1e9)
         self._replaces_newer = rules.keep == "latest"
         self._entries: dict[int, Entry] = {}
@@ -167,7 +170,7 @@ class LocalDynamicMap:
     def _judge(self, report: LdmReport, now_ns: int) -> Verdict:
         if self._is_expired(report, now_ns):
             return Verdict.EXPIRED
-        if report.generation_ns > now_ns + self._keep_ns:
+        if report.generation_ns > now_ns + self._clock_error_ns + self._keep_ns:
             return Verdict.FUTURE
         known = self._entries.get(report.station_id)
         if known is None or self._replaces_newer or self._is_expired(known.report, now_ns):
@@ -176,7 +179,7 @@ class LocalDynamicMap:
         return Verdict.SUPERSEDED if is_older else Verdict.ACCEPTED
 
     def _is_expired(self, report: LdmReport, now_ns: int) -> bool:
-        return report.generation_ns + self._keep_ns < now_ns
+        return report.generation_ns + self._keep_ns < now_ns + self._clock_error_ns
 
 
 def _number(value: float | None) -> float:

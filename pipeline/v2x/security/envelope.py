@@ -19,7 +19,9 @@ _SIGNED_SHA256 = bytes.fromhex("03 81 00")
 """Version 3, signed, SHA-256."""
 _UNSECURED = bytes.fromhex("40 03 80")
 """The payload is data, not a hash: version 3, unsecured."""
-_WITH_TIME = b"\x40"
+_WITH_TIME, _WITH_PLACE = b"\x40", b"\x50"
+"""Which header fields follow: the generation time, and the generation location as well."""
+LOCATION_BYTES = 10
 _BY_DIGEST, _BY_CERTIFICATE = b"\x80", bytes.fromhex("81 01 01")
 
 
@@ -27,8 +29,9 @@ _BY_DIGEST, _BY_CERTIFICATE = b"\x80", bytes.fromhex("81 01 01")
 class Envelope:
     """content: what is signed, from GeoNetworking's common header on. psid: what kind of message it is.
 
-    time_us: generation, TAI since 2004. signer: the ticket, or its digest of eight bytes. signature: 64
-    bytes.
+    time_us: generation, TAI since 2004. location: where it was signed, as DENMs state it: latitude, longitude
+    and elevation in ten bytes; empty for other messages. signer: the ticket, or its digest of eight bytes.
+    signature: 64 bytes.
     """
 
     content: bytes
@@ -36,6 +39,7 @@ class Envelope:
     time_us: int
     signer: Certificate | bytes
     signature: bytes
+    location: bytes = b""
 
     @property
     def digest(self) -> bytes:
@@ -54,7 +58,7 @@ class Envelope:
             signer = _BY_CERTIFICATE + self.signer.encoded
         else:
             signer = _BY_DIGEST + self.signer
-        signed = to_be_signed(self.content, self.psid, self.time_us)
+        signed = to_be_signed(self.content, self.psid, self.time_us, self.location)
         return _SIGNED_SHA256 + signed + signer + encode_signature(self.signature)
 
     @classmethod
@@ -63,9 +67,12 @@ class Envelope:
         reader = CoerReader(data)
         reader.expect(_SIGNED_SHA256 + _UNSECURED, "the start of an envelope")
         content = reader.octets()
-        reader.expect(_WITH_TIME, "the choice of header fields")
+        fields = reader.take(1)
+        if fields not in (_WITH_TIME, _WITH_PLACE):
+            raise EnvelopeError(f"the choice of header fields is {fields.hex()}, which advpipe does not read")
         psid = int.from_bytes(reader.octets(), "big")
         time_us = reader.unsigned(8)
+        location = reader.take(LOCATION_BYTES) if fields == _WITH_PLACE else b""
         signer: Certificate | bytes
         if (kind := reader.take(1)) == _BY_DIGEST:
             signer = reader.take(DIGEST_BYTES)
@@ -76,11 +83,12 @@ class Envelope:
             raise EnvelopeError(f"the signer's choice {kind.hex()} is neither a digest nor a certificate")
         signature = read_signature(reader)
         reader.end()
-        return cls(content, psid, time_us, signer, signature)
+        return cls(content, psid, time_us, signer, signature, location)
 
     def is_signed_by(self, ticket: Certificate) -> bool:
         """Whether the holder of a ticket signed it."""
-        data = signed_data(to_be_signed(self.content, self.psid, self.time_us), ticket.encoded)
+        signed = to_be_signed(self.content, self.psid, self.time_us, self.location)
+        data = signed_data(signed, ticket.encoded)
         return ticket.key.is_signed(data, self.signature)
 
 
@@ -91,16 +99,21 @@ def sign_envelope(
     key: SigningKey,
     with_certificate: bool,
     psid: int = CAM.psid,
+    location: bytes = b"",
 ) -> Envelope:
-    """The envelope of a message in a packet, signed with a ticket's key. psid: the kind of message."""
+    """The envelope of a message in a packet, signed with a ticket's key. psid: the kind of message.
+
+    location: see `Envelope`.
+    """
     time_us = timestamp_its_ms(now_ns) * 1000 + now_ns % NS_PER_MS // 1000
-    signature = key.sign(signed_data(to_be_signed(content, psid, time_us), ticket.encoded))
+    signature = key.sign(signed_data(to_be_signed(content, psid, time_us, location), ticket.encoded))
     signer = ticket if with_certificate else ticket.digest
-    return Envelope(content, psid, time_us, signer, signature)
+    return Envelope(content, psid, time_us, signer, signature, location)
 
 
-def to_be_signed(content: bytes, psid: int, time_us: int) -> bytes:
+def to_be_signed(content: bytes, psid: int, time_us: int, location: bytes = b"") -> bytes:
     """ToBeSignedData in COER."""
     octets = psid.to_bytes((psid.bit_length() + 7) // 8 or 1, "big")
-    header = _WITH_TIME + length_prefixed(octets) + time_us.to_bytes(8, "big")
+    fields = _WITH_PLACE if location else _WITH_TIME
+    header = fields + length_prefixed(octets) + time_us.to_bytes(8, "big") + location
     return _UNSECURED + length_prefixed(content) + header

@@ -18,8 +18,14 @@ class EnvelopeSigner:
         self._interval_ns = interval_ns
         self._last_ns: int | None = None
 
-    def sign(self, content: bytes, now_ns: int, psid: int) -> bytes:
-        """The envelope of a packet. psid: the kind of message in it."""
+    def sign(self, content: bytes, now_ns: int, psid: int, location: bytes = b"") -> bytes:
+        """The envelope of a packet. psid: the kind of message in it. location: see `Envelope`.
+
+        A message with a location, that is a DENM, always has the certificate (TS 103 097, 7.1.2).
+        """
+        if location:
+            envelope = sign_envelope(content, now_ns, self._ticket, self._key, True, psid, location)
+            return envelope.encode()
         is_due = self._last_ns is None or now_ns - self._last_ns >= self._interval_ns
         if is_due:
             self._last_ns = now_ns

@@ -35,6 +35,7 @@ class Rejection(Enum):
     UNKNOWN_SIGNER = "unknown signer"
     """Signed with a digest, and the receiver has not seen the certificate."""
     EXPIRED_TICKET = "ticket not valid then"
+    EXPIRED_AUTHORITY = "authority not valid then"
     UNTRUSTED = "untrusted ticket"
     """The authority has not issued it."""
     REPLAYED = "replayed"
@@ -58,7 +59,7 @@ class SignatureChecks:
     """
 
     def __init__(self, authority: Certificate) -> None:
-        self._authority = authority
+        self.authority = authority
         self._envelopes: OrderedDict[bytes, Envelope | Rejection] = OrderedDict()
         self._is_signed: OrderedDict[tuple[bytes, bytes], bool] = OrderedDict()
         self._is_issued: OrderedDict[bytes, bool] = OrderedDict()
@@ -72,7 +73,7 @@ class SignatureChecks:
     def is_issued(self, ticket: Certificate) -> bool:
         """Whether the authority has issued a ticket."""
         if ticket.encoded not in self._is_issued:
-            _remember(self._is_issued, ticket.encoded, ticket.is_issued_by(self._authority))
+            _remember(self._is_issued, ticket.encoded, ticket.is_issued_by(self.authority))
         return self._is_issued[ticket.encoded]
 
     def is_signed(self, packet: bytes, envelope: Envelope, ticket: Certificate) -> bool:
@@ -138,6 +139,8 @@ class MessageVerifier:
             return Rejection.NOT_PERMITTED
         if not ticket.is_valid_at(envelope.generation_ns):
             return Rejection.EXPIRED_TICKET
+        if not self._checks.authority.is_valid_at(envelope.generation_ns):
+            return Rejection.EXPIRED_AUTHORITY
         self._forget(now_ns)
         return Rejection.REPLAYED if envelope.signature in self._accepted else None
 

@@ -40,6 +40,7 @@ class EstimatedCams:
         self._path_points = v2x.cam.path_points
         self._drive_begin_ns: int | None = None
         self._path: PathHistory | None = None
+        self._pseudonym: int | None = None
         self._next_check_ns = 0
         self._speed_before_mps: float | None = None
 
@@ -95,7 +96,12 @@ class EstimatedCams:
         except CamError:  # not a CAM: no position to change
             return one
         length_m, width_m, _ = radio.size_m
-        who = Identity(radio.station_id, recorded_cam.station_type, length_m, width_m, recorded_cam.trailer)
+        pseudonym = recorded_cam.station_id
+        if self._path is not None and self._pseudonym not in (None, pseudonym):
+            self._path = PathHistory()  # as the station does with a new pseudonym
+            self._path.add(time_ns, place.latitude_deg, place.longitude_deg, place.altitude_m)
+        self._pseudonym = pseudonym
+        who = Identity(pseudonym, recorded_cam.station_type, length_m, width_m, recorded_cam.trailer)
         state = own_state(
             who,
             time_ns,

@@ -58,6 +58,7 @@ from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.stages.attack.base import Attack, PublishedPreset, Traits
 from advpipe.stages.attack.v2x.cams import CamEditor
+from advpipe.stages.attack.v2x.identities import StationIdentities
 
 
 class MessageEditor(Protocol):
@@ -86,7 +87,7 @@ class AttackContext:
     name: the attack's name in labels and random generators; seed_name distinguishes several attacks of one
     name. attackers: station ids of the attackers' radios, ascending. victim: a station id; None without a
     target. active: whether the schedule includes a time in nanoseconds. start_ns: when the bag begins. roads:
-    reads them, None for a bag without.
+    reads them, None for a bag without. identities: what stations call themselves now, by their radios.
     """
 
     name: str
@@ -101,6 +102,7 @@ class AttackContext:
     cams: CamEditor
     numbers: AllocatedIds
     roads: Callable[[], RoadMap | None] = lambda: None
+    identities: StationIdentities = field(default_factory=StationIdentities)
     _copies: count[int] = field(default_factory=lambda: count(1))
 
     @cached_property
@@ -181,7 +183,7 @@ class V2xAttack(Attack):
     """An attack on messages; the module's docstring has the rules."""
 
     family = "v2x"
-    family_title = "V2X: change, delay, drop or add Cooperative Awareness Messages (CAMs)"
+    family_title = "V2X: change, delay, drop or add messages (CAMs and DENMs)"
     usual_options = "--attacker 20%"
     own_keys = ("attackers", "dcc_reacts", "credentials")
     traits_type = V2xTraits

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
+from advpipe.pipeline.bag.pseudonyms import radios_by_pseudonym
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import statistics_message
 from advpipe.pipeline.core.errors import UsageError
@@ -45,6 +46,7 @@ from advpipe.stages.attack.v2x.build import build_attack
 from advpipe.stages.attack.v2x.cams import CamEditor
 from advpipe.stages.attack.v2x.congestion import Congestion
 from advpipe.stages.attack.v2x.declared import declaration_of_messages
+from advpipe.stages.attack.v2x.identities import StationIdentities
 from advpipe.stages.attack.v2x.labels import Labels
 from advpipe.stages.attack.v2x.object_labels import ObjectLabels
 from advpipe.stages.attack.v2x.packets import AttackedPackets
@@ -82,7 +84,9 @@ def forge(
     recording, selection = recording_of(reader), AttackerSelection(drive, str(reader.path), seed)
     origin = drive.origin
     geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
-    cams, numbers = CamEditor(), AllocatedIds(last + 1, set(drive.stations))
+    pseudonyms = set(radios_by_pseudonym(reader))
+    cams, numbers = CamEditor(), AllocatedIds(last + 1, set(drive.stations) | pseudonyms)
+    identities = StationIdentities()
     roads = cache(partial(roads_of_bag, reader))
     built: list[V2xAttack] = []
     for spec in attacks:
@@ -100,6 +104,7 @@ def forge(
             cams=cams,
             numbers=numbers,
             roads=roads,
+            identities=identities,
         )
         built.append(_build(spec, context))
     numbers.station_ids |= set(selection.names)
@@ -107,7 +112,7 @@ def forge(
         editor_index: declaration_of_messages(spec, V2X_ATTACKS.find(spec.type))
         for editor_index, spec in enumerate(attacks, len(editors))
     }
-    labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared)
+    labels = Labels(cams, geodesy, selection.names, drive.v2x.ldm.expiry_s, declared, identities)
     attackers = frozenset(number for attack in built for number in attack.context.attackers)
     congestion = Congestion(drive.v2x, attackers) if dcc_reacts else None
     packets = AttackedPackets(drive, _credentials(attacks, built))
@@ -216,10 +221,7 @@ class V2xChange:
     def counts(self) -> Counter[str]:
         """The numbers of CAMs that were changed, added, delayed, dropped, made invalid, corrupt before the
         attack, or held back by the benign stations' congestion control; and the attacks that met no CAM."""
-        attacks = [each for each in self._editors if isinstance(each, V2xAttack)]
-        kinds = {name.upper() for each in attacks for name in each.traits.message_types} or {"CAM"}
-        plural = " and ".join(f"{kind}s" for kind in sorted(kinds))
-        counts = Counter({f"{plural} {what}": count for what, count in self._labels.counts.items()})
+        counts = self._labels.counts.copy()
         for editor_index, editor in enumerate(self._editors):
             if isinstance(editor, V2xAttack) and editor_index not in self._labels.touching:
                 counts[f"attack that met no CAM: {editor.name}"] += 1
@@ -234,6 +236,7 @@ class V2xChange:
     def edited(self, step: V2xStep) -> list[Sent]:
         """The messages that are sent in a step after all edits; called for each step in order."""
         self._cams.forget()
+        self._labels.identities.note(step.sent)
         self._labels.begin(step.sent)
         sent = list(step.sent)
         for editor_index, editor in enumerate(self._editors):

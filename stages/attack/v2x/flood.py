@@ -165,7 +165,7 @@ class DosRandom(Flood):
             radio.map_SE3_base[:3, 3]
         ).tolist()
         base = Cam(
-            station_id=radio.station_id,
+            station_id=self.context.identities.of(radio.station_id),
             station_type=StationType.PASSENGER_CAR,
             generation_delta_time_ms=0,
             altitude_m=altitude_m,
@@ -239,7 +239,9 @@ class DosDisruptive(Flood):
         if tree is None:
             return None
         return with_fields(
-            tree, station_id=attacker, generation_delta_time_ms=generation_delta_time_ms(at_ns)
+            tree,
+            station_id=self.context.identities.of(attacker),
+            generation_delta_time_ms=generation_delta_time_ms(at_ns),
         )
 
 

@@ -28,10 +28,11 @@ from advpipe.pipeline.messages.debug import FALSE, NOT_SENT, TRUE, ClaimedPositi
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_fields, places_m, values
 from advpipe.pipeline.v2x.facilities.effect import has_effect
-from advpipe.pipeline.v2x.message_type import is_cam
+from advpipe.pipeline.v2x.message_type import is_cam, message_type_of
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
 from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
+from advpipe.stages.attack.v2x.identities import StationIdentities
 
 MOST_HELD_BACK = 10_000
 """Messages that a running graph's attacks may hold back and still send."""
@@ -66,9 +67,10 @@ class Labels:
     grown: where rows go as they come, in bounded memory, instead of being sorted by time at the end; messages
     count as dropped then when more than `MOST_HELD_BACK` newer ones are held back.
 
-    touching: indices of the editors that touched any message. counts: messages by action, and "made
-    invalid": how many of them were CAMs before but no longer. Messages still held back when the file is
+    touching: indices of the editors that touched any message. counts: messages by type and action,
+    and how many were CAMs before but no longer. Messages still held back when the file is
     written count as dropped. declared: declarations of attacks, by their indices among all editors.
+    identities: what stations call themselves.
     """
 
     def __init__(
@@ -78,9 +80,11 @@ class Labels:
         names: dict[int, str],
         expiry_s: float,
         declared: Mapping[int, Declaration],
+        identities: StationIdentities | None = None,
         grown: GrowingTable | None = None,
     ) -> None:
         self._grown = grown
+        self.identities = StationIdentities() if identities is None else identities
         self.cams, self._geodesy, self._names, self._expiry_s = cams, geodesy, names, expiry_s
         self._rows: list[_Row] = []
         self._step_rows: list[_Row] = []
@@ -101,7 +105,7 @@ class Labels:
             self._newest[station_id] = messages[-1].payload
         self._step = {message.number: message for message in recorded}
         self._by_station, self._step_rows, self._step_held_back = {}, [], []
-        for message in recorded:
+        for message in filter(_is_cam, recorded):
             self._by_station.setdefault(message.station_id, []).append(message)
 
     def compare(
@@ -206,15 +210,16 @@ class Labels:
             self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
-        is_cam_of_attacker = is_cam(message.payload) and attack.context.acts(message)
-        return is_cam_of_attacker and self.cams.open(message.payload) is None
+        if not _is_cam(message) or not attack.context.acts(message):
+            return False
+        return self.cams.open(message.payload) is None
 
     def _genuine(self, message: Sent) -> bytes | None:
         """The latest genuine message of the station that a message claims to be from."""
         tree = self.cams.open(message.payload)
         if tree is None:
             return None
-        station_id = field_of(tree, "station_id")
+        station_id = self.identities.radio_of(field_of(tree, "station_id"))
         payload = self._newest.get(station_id)
         for sent in self._by_station.get(station_id, ()):
             if sent.request_ns <= message.request_ns:
@@ -257,8 +262,8 @@ class Labels:
             )
         self._rows.append(row)
         self._step_rows.append(row)
-        self.counts[action] += 1
-        self.counts["made invalid"] += is_sent and row.before is not None and row.false is None
+        self.counts[f"{message_type_of(message.payload).codec.name}s {action}"] += 1
+        self.counts["CAMs made invalid"] += is_sent and row.before is not None and row.false is None
 
     def _judged(
         self, part: V2xAttack, message: Sent, true: Values | None, false: Values | None
@@ -316,6 +321,10 @@ class Labels:
         if row.mattered is not None or row.action == DROPPED:
             return row.mattered is not False
         return has_effect(row.true, row.false, moved_m, self._expiry_s)
+
+
+def _is_cam(message: Sent) -> bool:
+    return is_cam(message.payload)
 
 
 def _changed_fields(row: _Row) -> str:

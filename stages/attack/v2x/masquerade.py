@@ -65,7 +65,9 @@ class Masquerade(V2xAttack):
         station_id = self._identity_of(step, message.station_id)
         if tree is None or station_id is None:
             return message
-        tree = with_later_time(with_fields(tree, station_id=station_id), self._ahead_ns)
+        tree = with_later_time(
+            with_fields(tree, station_id=self.context.identities.of(station_id)), self._ahead_ns
+        )
         return replace(message, payload=cams.close(tree))
 
     def _identity_of(self, step: V2xStep, attacker: int) -> int | None:

@@ -11,6 +11,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import Credentials
 from advpipe.pipeline.v2x.channel import ChannelResult, Sent
+from advpipe.pipeline.v2x.message_type import message_type_of
 from advpipe.pipeline.v2x.security.keys import SigningKey
 from advpipe.pipeline.v2x.security.pki import TICKET_HOURS, Holder, Pki
 from advpipe.pipeline.v2x.stack import PacketBuilder
@@ -52,6 +53,8 @@ class AttackedPackets:
         if self._builder is None:
             return list(sent)
         unchanged = {one.number: _content(one) for one in recorded}
+        for one in recorded:
+            self._builder.note(one.station_id, one.payload)
         packed = list(sent)
         for index, one in enumerate(sent):
             if unchanged.get(one.number) != _content(one):
@@ -67,11 +70,12 @@ class AttackedPackets:
         """Count what became of attacked messages at receivers that verify signatures."""
         if self._drive.v2x.security == "none":
             return
-        accepted = sum(one.sent.number in self._attacked for one in result.received)
-        self.counts["attacked CAMs that receivers verified"] += accepted
+        for received in result.received:
+            if received.sent.number in self._attacked:
+                self.counts[f"attacked {_kind(received.sent)} that receivers verified"] += 1
         for one in result.rejected:
             if one.sent.number in self._attacked:
-                self.counts[f"attacked CAMs that receivers rejected: {one.rejection.value}"] += 1
+                self.counts[f"attacked {_kind(one.sent)} that receivers rejected: {one.rejection.value}"] += 1
 
     def _pack(self, builder: PacketBuilder, sent: Sent) -> Sent:
         credentials = self._credentials.get(sent.station_id, "ticket")
@@ -82,13 +86,17 @@ class AttackedPackets:
         return replace(sent, packet=packet)
 
 
+def _kind(sent: Sent) -> str:
+    return f"{message_type_of(sent.payload).codec.name}s"
+
+
 def _content(sent: Sent) -> tuple[int, int, bytes]:
     return sent.station_id, sent.request_ns, sent.payload
 
 
 def _holders(drive: V2xDrive, credentials: Mapping[int, Credentials]) -> dict[int, Holder]:
     """What attackers without a valid ticket sign with."""
-    pki, own = Pki(drive.seed, drive.start_ns), Pki(drive.seed, drive.start_ns, "outsider")
+    pki, own = (Pki.of(drive.v2x, drive.seed, drive.start_ns, name) for name in ("drive", "outsider"))
     honest = sorted(set(drive.stations) - set(credentials))
     holders: dict[int, Holder] = {}
     for attacker, kind in credentials.items():

@@ -93,6 +93,15 @@ def _add_collective_perception(add: Add[V2xAttack]) -> None:
     add("cpm-shift", CpmShift)
 
 
+def _add_warnings(add: Add[V2xAttack]) -> None:
+    """Attacks on warnings (DENMs)."""
+    from advpipe.stages.attack.v2x.denm_false import DenmFalse
+    from advpipe.stages.attack.v2x.denm_suppress import DenmSuppress
+
+    add("denm-false", DenmFalse)
+    add("denm-suppress", DenmSuppress)
+
+
 def _add_all(add: Add[V2xAttack]) -> None:
     from advpipe.stages.attack.v2x.published import f2md, nextgen, veremi
 
@@ -105,6 +114,7 @@ def _add_all(add: Add[V2xAttack]) -> None:
     _add_claims(add_with_presets)
     _add_streams(add_with_presets)
     _add_collective_perception(add)
+    _add_warnings(add_with_presets)
 
 
 V2X_ATTACKS = FamilyRegistry[V2xAttack]("v2x", _add_all)

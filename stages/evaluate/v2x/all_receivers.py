@@ -11,6 +11,7 @@ from advpipe.pipeline.bag.receptions import recorded_receptions
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
+from advpipe.pipeline.v2x.message_type import is_cam
 from advpipe.stages.evaluate.v2x.receptions import refuse_unknown_senders, true_senders
 
 
@@ -25,7 +26,7 @@ class StationReception(NamedTuple):
 
 
 def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xStep, list[StationReception]]]:
-    """Each step with the receptions in it, for each receiver in order of arrival.
+    """Each step with its CAMs and their receptions, for each receiver in order of arrival.
 
     The bag records what the instrumented vehicles received; for all others the radio is simulated again. A
     message that was sent after the last instant with recorded positions is left out, whoever received it.
@@ -36,7 +37,8 @@ def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xS
     recorded = {station: deque(_recorded(reader, name, station)) for station, name in listeners.items()}
     ids = {name: station for station, name in drive.stations.items()}
     for step, replayed in drive.sent_again(drive.stations.keys() - listeners.keys()):
-        sent |= {one.number for one in step.sent}
+        cams = tuple(one for one in step.sent if is_cam(one.payload))
+        sent |= {one.number for one in cams}
         receptions = [
             StationReception(
                 ids[one.listener], one.sent.station_id, one.sent.number, one.arrival_ns, one.power_dbm
@@ -46,7 +48,7 @@ def receptions_of_all(reader: BagReader, drive: V2xDrive) -> Iterator[tuple[V2xS
         for waiting in recorded.values():
             while waiting and (step.end_ns is None or waiting[0].arrival_ns <= step.end_ns):
                 receptions.append(waiting.popleft())
-        yield step, [one for one in receptions if one.number in sent]
+        yield step._replace(sent=cams), [one for one in receptions if one.number in sent]
 
 
 def _recorded(reader: BagReader, name: str, station: int) -> Iterator[StationReception]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from itertools import chain, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from advpipe.pipeline.bag.pseudonyms import radios_by_pseudonym
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.geometry.transforms import Float64
@@ -27,7 +28,11 @@ MISSING_WITHIN_M = 150.0
 
 
 class Known(NamedTuple):
-    """A map entry, extrapolated with its speed to the snapshot's time; angles and sizes as claimed."""
+    """A map entry, extrapolated with its speed to the snapshot's time; angles and sizes as claimed.
+
+    station_id: as claimed, or that of the radio whose pseudonym it truly is. A station that has just changed
+    its pseudonym has two entries for as long as entries are kept; both are its own, and neither is false.
+    """
 
     station_id: int
     x_m: float
@@ -99,6 +104,7 @@ def moments(
     """Every recorded map of a listener in a window while the listener was on the road, in order."""
     topic = VehicleTopics(listener).ldm.name
     last_seen_ns: dict[int, int] = {}
+    truth = radios_by_pseudonym(reader)
     radios: tuple[RadioPlace, ...] = ()
     at_ns = -1
     in_time = reader.raw_messages([V2X_STATIONS.name, topic], last_ns=window.last_ns)
@@ -117,7 +123,7 @@ def moments(
             continue
         keep_ns = round(expiry_s * 1e9)
         present = frozenset(s for s, seen_ns in last_seen_ns.items() if at_ns - seen_ns <= keep_ns)
-        entries = tuple(_known(entry, at_ns) for entry in message.objects)
+        entries = tuple(_known(entry, at_ns, truth) for entry in message.objects)
         yield Moment(at_ns, own, entries, tuple(r for r in radios if r is not own), present)
 
 
@@ -163,14 +169,15 @@ def ldm_error(found: Iterator[Moment] | list[Moment]) -> LdmError:
     return LdmError(np.array(times_ns, np.int64), *columns)
 
 
-def _known(entry: Any, at_ns: int) -> Known:
+def _known(entry: Any, at_ns: int, radios: Mapping[int, int]) -> Known:
+    """radios: by the pseudonyms that honest stations truly used."""
     stamp = entry.generation_time
     age_s = (at_ns - int(stamp.sec) * build.NS_PER_S - int(stamp.nanosec)) / 1e9
     way_m = float(entry.speed) * age_s
     turn = (math.cos(entry.yaw), math.sin(entry.yaw)) if math.isfinite(entry.yaw + way_m) else (0.0, 0.0)
     carried_m = way_m if math.isfinite(way_m) else 0.0
     return Known(
-        int(entry.station_id),
+        radios.get(int(entry.station_id), int(entry.station_id)),
         entry.centre.x + turn[0] * carried_m,
         entry.centre.y + turn[1] * carried_m,
         float(entry.yaw),

@@ -20,6 +20,7 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS, VehicleTopics
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle, claims_of_cams
+from advpipe.pipeline.misbehaviour.pseudonym_links import PseudonymLinks
 from advpipe.pipeline.misbehaviour.roads import NO_ROADS
 from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.replay.v2x_drive import V2xStep, read_steps
@@ -65,13 +66,18 @@ class _Around:
 
 
 def read_receptions(
-    reader: BagReader, window: Window = WHOLE_DRIVE, recording: V2xRecording | None = None
+    reader: BagReader,
+    window: Window = WHOLE_DRIVE,
+    recording: V2xRecording | None = None,
+    *,
+    is_linked: bool = True,
 ) -> list[ListenerReceptions]:
     """The receptions of every receiving vehicle, by name, from the drive's beginning to the window's end.
 
-    recording: as `read_recording` reads it from the bag. Raises AdvpipeError for a bag without its map's
-    origin, for receptions that do not belong together (`recorded_receptions`), and for receptions of messages
-    that nobody sent.
+    recording: as `read_recording` reads it from the bag. is_linked: where stations change their pseudonyms,
+    claims have the first pseudonym that the listener knows of their station (`PseudonymLinks`). Raises
+    AdvpipeError for a bag without its map's origin, for receptions that do not belong together
+    (`recorded_receptions`), and for receptions of messages that nobody sent.
     """
     recording = recording or read_recording(reader, window.end_ns)
     around = _around(reader, recording.listeners, window)
@@ -91,6 +97,8 @@ def read_receptions(
         claims = claims_of_cams(
             [cams[one.payload] for one in received], arrivals_ns, recording.geodesy, roads
         )
+        if recording.has_pseudonyms and is_linked:
+            claims = PseudonymLinks().linked(claims)
         receivers = _receivers(reader, name, station_id, around[name].places, arrivals_ns, window.last_ns)
         found.append(
             ListenerReceptions(

@@ -18,12 +18,14 @@ class V2xRecording:
     """One bag's receivers.
 
     geodesy: of the map. expiry_s: of entries in Local Dynamic Maps. listeners: station ids of the vehicles
-    whose receptions are recorded, by name; None where the bag does not record the id.
+    whose receptions are recorded, by name; None where the bag does not record the id. has_pseudonyms: whether
+    stations change their pseudonyms.
     """
 
     geodesy: Geodesy
     expiry_s: float
     listeners: dict[str, int | None]
+    has_pseudonyms: bool = False
 
 
 def read_recording(reader: BagReader, until_ns: int | None = None) -> V2xRecording:
@@ -44,4 +46,5 @@ def read_recording(reader: BagReader, until_ns: int | None = None) -> V2xRecordi
         Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m),
         info.v2x.ldm.expiry_s,
         {name: ids.get(name) for name in sorted({*instrumented, *receiving_vehicles(reader)})},
+        info.v2x.pseudonyms is not None,
     )

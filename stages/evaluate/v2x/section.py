@@ -27,7 +27,6 @@ from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPictu
 from advpipe.stages.evaluate.v2x.drive import EvaluatedDrive, read_drive
 from advpipe.stages.evaluate.v2x.picture import draw_detection, draw_errors, draw_maps
 from advpipe.stages.evaluate.v2x.roc_picture import draw_roc
-from advpipe.stages.evaluate.v2x.signed_messages import security_tables
 from advpipe.stages.evaluate.v2x.tables import (
     baseline_table,
     check_table,
@@ -149,8 +148,7 @@ def v2x_sections(
     )
     if window != WHOLE_DRIVE:
         notes.append("No metrics of the radio channel: bags record them for whole drives only.")
-    tables = (*found.tables, *security_tables(named))
-    return (replace(found, tables=tables, notes=(*found.notes, *notes)),)
+    return (replace(found, notes=(*found.notes, *notes)),)
 
 
 def _drives(

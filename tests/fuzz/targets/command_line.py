@@ -109,6 +109,7 @@ OPTIONS = (
         "--split",
         "--licence",
         "--sign",
+        "--credentials",
         "--traceback",
     ),
     *("--cloud", "--attacked", "--remove", "--all"),

@@ -147,6 +147,7 @@ def test_a_value_of_100_kb_is_not_echoed_whole(run: Run) -> None:
         ["simulate", "smoke", "--set", f"simulation.seed={long}"],
         ["attack", "{drive}", "--type", long],
         ["attack", "{drive}", "--seed", long],
+        ["attack", "{drive}", "--type", "cam-drop", "--credentials", long],
         ["inspect", long],
         ["evaluate", "{drive}", "--detector", long],
         [long],

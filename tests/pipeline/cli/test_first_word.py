@@ -18,6 +18,10 @@ FIRST_WORDS = {
     "demo": (["-o", "d", "--no-browser"], "attacking and evaluating a sample ..."),
     "simulate": (["smoke"], "simulating smoke ..."),
     "attack": ([], "attacking the newest data set with detach ..."),
+    "attack by outsiders": (
+        ["--type=cam-drop", "--credentials", "none"],
+        "attacking the newest data set with cam-drop ...",
+    ),
     "attack with a parameter": (["--ratio", "1%", "--type=detach"], "reading about detach ..."),
     "evaluate": (["clean", "a", "b"], "evaluating clean and 2 more ..."),
     "figures": (["r"], "copying the figures of r ..."),

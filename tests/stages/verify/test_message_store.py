@@ -48,9 +48,9 @@ def test_messages_are_joined_with_their_labels() -> None:
         assert (two.clean, two.forged) == (Message(7, 20, b"b"), Message(7, 21, b"b"))
         assert (three.clean, three.forged) == (None, Message(8, 15, b"d"))
         assert [row["word"] for row in three.labels] == ["first", "second", "later"]
-        assert store.last_of(7, 9) is None
-        assert [store.last_of(7, until_ns) for until_ns in (10, 19, 20, 99)] == [b"a", b"a", b"b", b"b"]
-        assert store.last_of(8, 99) is None
+        assert store.last_cam_of(7, 9) is None
+        assert [store.last_cam_of(7, until_ns) for until_ns in (10, 19, 20, 99)] == [b"a", b"a", b"b", b"b"]
+        assert store.last_cam_of(8, 99) is None
 
 
 def test_messages_added_within_a_second_are_counted() -> None:

@@ -10,7 +10,7 @@ import shapely
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
-from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
+from advpipe.pipeline.messages.v2x import PseudonymUse, RadioPlace, stations_of
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.channel import Channel, Sent
 from advpipe.pipeline.v2x.cpm_section import CpmRules
@@ -22,6 +22,8 @@ from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.stack import PacketBuilder, ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.embedded.cpm_service import CpmService
+from advpipe.stages.simulate.network.embedded.denm_service import DenmService
+from advpipe.stages.simulate.network.embedded.hazards import Hazards
 from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
 from advpipe.stages.simulate.network.protocol import NetworkStep, Perceived
@@ -43,6 +45,7 @@ class EmbeddedNetwork:
         origin = scenario.map.origin
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._ids: dict[str, int] = {}
+        self._used: set[int] = set()
         self._equipped: dict[str, bool] = {}
         listeners = {self._id_of(name): name for name in self._instrumented}
         buildings = None if footprints is None else Buildings(footprints)
@@ -52,12 +55,14 @@ class EmbeddedNetwork:
         self.channel = Channel(
             self._v2x, self._clock.seed, self._geodesy, listeners, buildings, stack=receivers
         )
+        self._hazards = Hazards()
         self._stations: dict[str, Station] = {}
         self._by_id: list[Station] = []
         self._now_ns = self._clock.stamp_ns(0)
         self._messages = 0
         self.radios: tuple[RadioPlace, ...] = ()
         self._perceived: Callable[[RoadUser], Perceived] = _nothing
+        self.pseudonyms: tuple[PseudonymUse, ...] = ()
 
     def set_perception(self, perceived: Callable[[RoadUser], Perceived]) -> None:
         """See `PerceivingNetwork`."""
@@ -80,10 +85,10 @@ class EmbeddedNetwork:
                 self._stations[name].user = user
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
         update_states(self._by_id, estimates, self._now_ns, self._v2x, clock.step_s, self._geodesy)
+        changes = [self._rename(station) for station in self._by_id if station.wants_pseudonym()]
+        self.pseudonyms = tuple(changes)
         for station in self._by_id:
-            assert station.state is not None
-            for service in station.services:
-                service.update(self._now_ns, station.state, station.user, drivers)
+            station.update_services(self._now_ns, drivers)
         self.radios = tuple(station.place for station in self._by_id)
 
     def local_dynamic_maps(self) -> list[tuple[str, LdmSnapshot]]:
@@ -124,12 +129,23 @@ class EmbeddedNetwork:
         """The packet around a message; empty in a drive without."""
         if self._packets is None:
             return b""
+        self._packets.note(station.id, message.payload)
         return self._packets.packet(station.id, message.time_ns, message.payload, message.cam)
+
+    def _rename(self, station: Station) -> PseudonymUse:
+        rng = named_generator(self._clock.seed, "v2x", "pseudonyms", station.id, station.pseudonym)
+        while (pseudonym := int(rng.integers(1, 2**31))) in self._used:
+            pass
+        self._used.add(pseudonym)
+        station.rename(pseudonym)
+        return PseudonymUse(self._now_ns, station.id, pseudonym)
 
     def _new_station(self, name: str, user: RoadUser) -> Station:
         clock = self._clock
         active_ns = switched_on_ns(self._now_ns, clock.stamp_ns(0), clock.seed, name)
         station = Station(self._v2x, clock.seed, clock.step_s, self._id_of(name), user, active_ns)
+        if self._v2x.denm is not None:
+            station.services.append(DenmService(self._v2x.denm, self._hazards, clock.seed, station.id))
         if self._v2x.cpm is not None and self._sends_cpms(self._v2x.cpm, name):
             rules, perceived = self._v2x.cpm, self._perceived
             station.services.append(CpmService(rules, clock.seed, station, active_ns, perceived))
@@ -151,10 +167,11 @@ class EmbeddedNetwork:
     def _id_of(self, name: str) -> int:
         """A random 31-bit station id for the vehicle, unique in the drive."""
         if name not in self._ids:
-            rng, taken = named_generator(self._clock.seed, "v2x", "station id", name), set(self._ids.values())
-            while (station_id := int(rng.integers(1, 2**31))) in taken:
+            rng = named_generator(self._clock.seed, "v2x", "station id", name)
+            while (station_id := int(rng.integers(1, 2**31))) in self._used:
                 pass
             self._ids[name] = station_id
+            self._used.add(station_id)
         return self._ids[name]
 
 

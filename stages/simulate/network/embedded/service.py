@@ -21,6 +21,15 @@ class GeneratedMessage(NamedTuple):
 class MessageService(Protocol):
     """A facility of one station that generates messages of one type (`MESSAGE_TYPES`)."""
 
+    @property
+    def is_active(self) -> bool:
+        """Whether it needs the station's present pseudonym, as others know what it announces by that."""
+        ...
+
+    def rename(self, pseudonym: int) -> None:
+        """Take the station's next pseudonym, and leave no trace of the last one."""
+        ...
+
     def update(
         self, now_ns: int, state: StationState, user: RoadUser, drivers: Mapping[str, RoadUser]
     ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace
+from advpipe.pipeline.v2x.clock import clock_error_ns
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.pipeline.v2x.facilities.congestion_control import congestion_control
 from advpipe.pipeline.v2x.facilities.generation import (
@@ -20,6 +22,7 @@ from advpipe.pipeline.v2x.facilities.generation import (
     first_check_ns,
 )
 from advpipe.pipeline.v2x.facilities.own_state import Identity, accuracy_of_estimate, own_state
+from advpipe.pipeline.v2x.facilities.pseudonyms import PseudonymChanger
 from advpipe.pipeline.v2x.facilities.reference_point import reference_points
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.section import V2x
@@ -35,19 +38,25 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 class Station:
     """One vehicle's ITS station, from its first appearance on.
 
-    user: the vehicle at the newest step. state: the station's own state then.
+    id: of its radio, the truth. pseudonym: what it calls itself now. user: the vehicle at the newest step.
+    state: the station's own state then.
     """
 
     def __init__(
         self, v2x: V2x, seed: int, step_s: float, station_id: int, user: RoadUser, now_ns: int
     ) -> None:
-        self.id, self.user = station_id, user
+        self.id, self.pseudonym, self.user = station_id, station_id, user
         self.type = user.variant.body.station_type or StationType.UNKNOWN
         self.errors = ReceiverErrors(
             v2x.others, step_s, named_generator(seed, "v2x", "self-knowledge", user.id)
         )
         self.state: StationState | None = None
+        self.clock_error_ns = clock_error_ns(v2x, seed, station_id)
         self.services: list[MessageService] = []
+        self._changer: PseudonymChanger | None = None
+        if v2x.pseudonyms is not None:
+            rng = named_generator(seed, "v2x", "pseudonym changes", station_id)
+            self._changer = PseudonymChanger(v2x.pseudonyms, rng)
         self._generator = CamGenerator(now_ns, GenerationRules.of(v2x.cam))
         self._dcc = congestion_control(v2x)
         self._next_check_ns = first_check_ns(now_ns, seed, station_id)
@@ -71,7 +80,14 @@ class Station:
         return 0.0 if self._dcc is None else self._dcc.interval_s
 
     def messages_before(self, end_ns: int) -> Iterator[GeneratedMessage]:
-        """The messages that it hands to its radio before `end_ns`."""
+        """The messages that it hands to its radio before `end_ns`; none while it is silent."""
+        if self._changer is not None and self._changer.is_silent:
+            while self._next_check_ns < end_ns:
+                self._next_check_ns += CHECK_INTERVAL_NS
+            for service in self.services:
+                for _ in service.messages_before(end_ns):
+                    pass
+            return
         for cam in self._cams_before(end_ns):
             yield GeneratedMessage(cam.time_ns, cam.payload, cam.cam)
         for service in self.services:
@@ -79,6 +95,27 @@ class Station:
                 if self._dcc is not None:
                     self._dcc.sent(len(made.payload))
                 yield made
+
+    def update_services(self, now_ns: int, drivers: Mapping[str, RoadUser]) -> None:
+        """Hand the station's newest state, and all vehicles on the road, to its services."""
+        if self.state is not None:
+            for service in self.services:
+                service.update(now_ns, self.state, self.user, drivers)
+
+    def wants_pseudonym(self) -> bool:
+        """Whether it takes another pseudonym now; call it once for each of its states."""
+        if self._changer is None or self.state is None:
+            return False
+        return self._changer.update(self.state, any(service.is_active for service in self.services))
+
+    def rename(self, pseudonym: int) -> None:
+        """Take another pseudonym, from the next message on."""
+        assert self.state is not None
+        self.pseudonym = pseudonym
+        self.state = replace(self.state, station_id=pseudonym)
+        self._generator.forget()
+        for service in self.services:
+            service.rename(pseudonym)
 
     def _cams_before(self, end_ns: int) -> Iterator[GeneratedCam]:
         """Check the generation rules at every due instant before `end_ns`, with the newest state."""
@@ -118,13 +155,13 @@ def update_states(
         estimate = estimates.get(station.user.id)
         station.state = own_state(
             Identity(
-                station.id,
+                station.pseudonym,
                 station.type,
                 station.user.variant.length_m,
                 station.user.variant.width_m,
                 station.user.variant.body.trailer,
             ),
-            now_ns,
+            now_ns + station.clock_error_ns,
             place,
             receiver if estimate is None else accuracy_of_estimate(estimate),
             speed_mps=speed_mps,

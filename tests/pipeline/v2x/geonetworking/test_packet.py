@@ -80,7 +80,7 @@ def test_tshark_reads_the_packet(packet: bytes, tmp_path: Path) -> None:
 
 def test_a_packet_is_read_back(packet: bytes) -> None:
     basic = parse_packet(packet)
-    sender, btp = parse_broadcast(basic.content)
+    sender, btp, *_ = parse_broadcast(basic.content)
     assert not basic.is_secured
     assert (sender.mac, sender.station_type, sender.speed_cmps, sender.is_accurate) == (MAC, 5, 1389, True)
     assert packet.endswith(cam_payload(btp))

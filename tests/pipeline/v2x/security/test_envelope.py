@@ -49,6 +49,25 @@ def test_pycrate_encodes_the_same_bytes(pki: Pki, content: bytes, with_certifica
 
 
 @pytest.mark.oracle
+def test_pycrate_reads_the_place_where_a_denm_was_signed(pki: Pki) -> None:
+    location = struct.pack(">iiH", 481_000_000, -115_000_000, 4095)
+    envelope = sign_envelope(b"denm", NOW_NS, *pki.ticket("car"), True, 37, location)
+    encoded, asn1 = envelope.encode(), asn1_data()
+    asn1.from_coer(encoded)
+    values = asn1.get_val()
+    asn1.set_val(values)
+    assert asn1.to_coer() == encoded
+    header = values["content"][1]["tbsData"]["headerInfo"]
+    assert header["generationLocation"] == {
+        "latitude": 481_000_000,
+        "longitude": -115_000_000,
+        "elevation": 4095,
+    }
+    assert Envelope.decode(encoded) == envelope
+    assert Envelope.decode(encoded).is_signed_by(pki.ticket("car")[0])
+
+
+@pytest.mark.oracle
 def test_tshark_reads_signed_packets(builder: PacketBuilder, payload: bytes, tmp_path: Path) -> None:
     if (program := shutil.which("tshark")) is None:
         pytest.skip("tshark is not installed")

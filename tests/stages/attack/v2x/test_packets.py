@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -12,7 +13,9 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.pipeline.v2x.security.verifier import Rejection
 from advpipe.stages.attack.v2x.change import forge
+from advpipe.stages.attack.v2x.packets import AttackedPackets
 
 SIGNED = ("v2x.security=etsi", "v2x.penetration=1", "v2x.security_rules={certificate_interval_s: 0}")
 
@@ -76,3 +79,17 @@ def test_one_attacker_has_one_kind_of_credentials(recorded):
     ]
     with pytest.raises(UsageError, match="give it the same for all attacks"):
         forge(reader, specs, 1)
+
+
+def test_truncated_envelopes_are_kept_as_bytes_and_counted(recorded):
+    drive = V2xDrive(recorded(*SIGNED))
+    channel, packets, rejected = drive.channel(), AttackedPackets(drive, {}), Counter()
+    for step in drive.steps():
+        cut = [replace(one, packet=one.packet[:100]) for one in step.sent]
+        sent = packets.packed(cut, cut)
+        assert sent == cut
+        result = drive.send(channel, step, sent)
+        rejected.update(one.rejection for one in result.rejected)
+        assert not result.received
+    assert set(rejected) == {Rejection.MALFORMED}
+    assert rejected.total() > 20

@@ -14,6 +14,7 @@ from advpipe.stages.evaluate.coordinated import section as coordinated
 from advpipe.stages.evaluate.localisation import section as localisation
 from advpipe.stages.evaluate.report.report import DEFINITIONS
 from advpipe.stages.evaluate.report.section import Formula
+from advpipe.stages.evaluate.v2x import denm_section, privacy, signed_messages
 from advpipe.stages.evaluate.v2x import section as v2x
 
 DETECTION = (
@@ -30,6 +31,9 @@ SECTIONS = [
     (DETECTION, DEFINITIONS),
     (("localisation",), localisation.FORMULAS),
     (("v2x",), v2x.FORMULAS),
+    (("security",), (signed_messages.FORMULA,)),
+    (("privacy",), (privacy.FORMULA,)),
+    (("denm",), (denm_section.FORMULA,)),
     (("cooperative",), cooperative.FORMULAS),
     (("coordinated",), coordinated.FORMULAS),
 ]

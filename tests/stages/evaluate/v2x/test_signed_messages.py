@@ -13,7 +13,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.v2x.section import v2x_sections
-from advpipe.stages.evaluate.v2x.signed_messages import security_tables
+from advpipe.stages.evaluate.v2x.signed_messages import security_sections
 from advpipe.stages.simulate.run import simulate
 
 COARSE = ("sensors.lidars.lidar.channels=2", "sensors.lidars.lidar.points_per_second=4000")
@@ -34,16 +34,22 @@ def test_an_outsider_is_stopped_and_an_insider_is_not(signed: Path) -> None:
         bags.append(signed.parent / credentials)
         spec = AttackSpec(type="cam-position-offset", credentials=credentials)  # type: ignore[arg-type]
         attack(signed, bags[-1], AttackRequest((spec,)))
-    (found,) = v2x_sections(signed, bags)
-    table = found.tables[-1]
-    clean, insider, outsider = table.lines
-    assert clean[1] == "0"
-    assert int(insider[1]) == int(outsider[1]) > int(insider[2]) > 5
-    assert outsider[2:5] == ("0", "100.0", f"{outsider[1]} unsigned")
-    assert clean[7].endswith("unknown signer")  # before the first certificate
-    scored = {record.bag: record.false_messages for record in found.records}
-    assert scored["none"] == 0 < scored["ticket"] <= int(insider[2])
+    (found,) = security_sections(signed, bags)
+    clean, insider, others, outsider, _ = found.records
+    assert (clean.attack, clean.attacker) == ("", "")
+    assert {one.reason for one in clean.rejected} == {"unknown signer"}  # before the first certificate
+    assert (insider.attacker, insider.credentials) == ("insider", "ticket")
+    assert (outsider.attacker, outsider.credentials) == ("outsider", "none")
+    assert insider.received == outsider.received > insider.accepted > 5
+    assert insider.stopped < 0.5 < outsider.stopped == 1
+    assert [(one.reason, one.messages) for one in outsider.rejected] == [("unsigned", outsider.received)]
+    assert others.received + insider.received == clean.received
+    assert found.tables[0].lines[3][:3] == ("none", "cam-position-offset", "outsider")
+    assert found.lead.startswith("Of outsiders' messages, receivers rejected 100.0 %.")
+    (judged,) = v2x_sections(signed, bags)
+    scored = {record.bag: record.false_messages for record in judged.records}
+    assert scored["none"] == 0 < scored["ticket"] <= insider.accepted
 
 
-def test_a_drive_without_security_has_no_table(smoke: Path) -> None:
-    assert security_tables([(smoke, "clean")]) == ()
+def test_a_drive_without_security_has_no_section(smoke: Path) -> None:
+    assert security_sections(smoke, []) == ()
