@@ -73,14 +73,12 @@ class Surroundings(Protocol):
 
 @dataclass(frozen=True)
 class Scan:
-    """One turn of a LiDAR that the world itself simulates, and the ground truth of M road users.
+    """One turn of a LiDAR that the world itself simulates.
 
-    cloud: in the LiDAR's frame. lidar_points: (M,) int64, points of the cloud on each. occlusion: (M,) as in
-    `Hits`.
+    cloud: in the LiDAR's frame. occlusion: (M,) of M road users, as in `Hits`.
     """
 
     cloud: Cloud
-    lidar_points: npt.NDArray[np.int64]
     occlusion: Float32
 
 

@@ -53,17 +53,16 @@ class LidarRig:
         clouds: dict[str, Cloud] = {}
         points, occlusion = np.zeros(len(boxes.ids), np.int64), np.ones(len(boxes.ids))
         for name, lidar in due.items():
+            map_SE3_lidar = motion.map_SE3_base @ lidar.base_SE3_lidar
             if isinstance(world, ScanningSurroundings):
                 scan = world.scan(name, self._range_m)
-                clouds[name] = scan.cloud
-                points += scan.lidar_points
-                occlusion = np.minimum(occlusion, scan.occlusion)
-                continue
-            hits = world.cast(lidar.rays(motion.map_SE3_base, twist), self._range_m)
-            map_SE3_lidar = motion.map_SE3_base @ lidar.base_SE3_lidar
-            rng = named_generator(self._seed, "lidar", self._vehicle, name, instant.frame)
-            clouds[name] = lidar.measure(hits, rng, boxes.velocity_mps @ map_SE3_lidar[:3, :3])
+                clouds[name], hidden = scan.cloud, scan.occlusion
+            else:
+                hits = world.cast(lidar.rays(motion.map_SE3_base, twist), self._range_m)
+                rng = named_generator(self._seed, "lidar", self._vehicle, name, instant.frame)
+                clouds[name] = lidar.measure(hits, rng, boxes.velocity_mps @ map_SE3_lidar[:3, :3])
+                hidden = hits.occlusion
             in_lidar = boxes.transformed(invert(map_SE3_lidar))
             points += count_points(lidar.undistorted(clouds[name], twist), in_lidar.geometry)
-            occlusion = np.minimum(occlusion, hits.occlusion)
+            occlusion = np.minimum(occlusion, hidden)
         return LidarView(clouds, boxes, points, occlusion)

@@ -209,14 +209,11 @@ class CarlaSurroundings:
         boxes = self.road_users(range_m)
         sensors = self._world.sensors(self._carrier.id)
         lidar, data, truth = sensors.turn(name)
-        cloud, on = lidar.cloud(data, truth, self._world.actor(self._carrier.id))
+        cloud, _ = lidar.cloud(data, truth, self._world.actor(self._carrier.id))
         actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
-        numbers, counts = np.unique(on, return_counts=True)
-        by_actor = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
-        points = np.array([by_actor.get(int(actor), 0) for actor in actors], np.int64)
         map_SE3_lidar = self._carrier.map_SE3_base @ lidar.base_SE3_lidar
         occlusion = lidar.turn(truth).occlusion(boxes.transformed(invert(map_SE3_lidar)), actors)
-        return Scan(cloud, points, occlusion)
+        return Scan(cloud, occlusion)
 
     def sensed(self) -> SensedMotion:
         return self._world.sensors(self._carrier.id).sensed()

@@ -65,7 +65,7 @@ def test_the_same_rays_give_the_same_points_within_a_millimetre(drives: tuple[Pa
 
 
 def test_the_truth_is_that_of_the_actors(drives: tuple[Path, Path, Any]) -> None:
-    """Boxes by the actors' own boxes, and points by the numbers of the semantic LiDAR."""
+    """Boxes by the actors' own boxes, and occlusion by the numbers of the semantic LiDAR."""
     points: list[tuple[int, int]] = []
     hidden: list[tuple[float, float]] = []
     readers = [BagReader(bag) for bag in drives[:2]]
@@ -78,9 +78,7 @@ def test_the_truth_is_that_of_the_actors(drives: tuple[Path, Path, Any]) -> None
             hidden.append((ours.occlusion, embedded.occlusion))
     ours, embedded = np.array(points).T
     assert embedded.max() > 10
-    # The embedded world counts points in a box, on the road below a car, too, and none on its mirrors.
-    assert (np.abs(ours - embedded) <= np.maximum(5, 0.3 * embedded)).all()
-    assert np.abs(ours - embedded).sum() < 0.15 * embedded.sum()
+    assert np.abs(ours - embedded).max() <= 1  # the embedded world leaves out bodies at the range's end
     ours, embedded = np.array(hidden)[embedded > 0].T
     assert np.abs(ours - embedded).max() < 0.25
     assert np.abs(ours - embedded).mean() < 0.05
