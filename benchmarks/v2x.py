@@ -221,7 +221,7 @@ def fleets(most: int) -> None:
 
 
 def alone(seconds: float, stations: int) -> bool:
-    """Prints what a drive of messages alone takes in two processes and in one; whether that is soon enough."""
+    """Prints what a drive of messages alone takes in two processes and in one; whether it is soon."""
     settings = ["vehicles={}", f"traffic.vehicles={stations * 16 // 15}", "v2x.penetration=1"]  # not bicycles
     scenario = load_scenario("boulevard", [*settings, f"simulation.duration_s={seconds}"])
     pays, bags, walls_s = traffic_registry.pays_ahead, set(), []
@@ -240,10 +240,9 @@ def alone(seconds: float, stations: int) -> bool:
         counts = f"{processes:9} {drive.v2x.stations:9} {drive.v2x.cams:5}"
         print(f"{counts} {walls_s[-1]:10.1f} {here_s:11.1f} {elsewhere_s:10.1f} {memory_mb:15.0f}")
     print("the same bytes" if len(bags) == 1 else "OTHER BYTES")
-    print(
-        f"at most {ALONE_SHARE:g} of the drive's time: {'ok' if walls_s[0] <= ALONE_SHARE * seconds else 'NO'}"
-    )
-    return len(bags) == 1 and walls_s[0] <= ALONE_SHARE * seconds
+    is_soon = walls_s[0] <= ALONE_SHARE * seconds
+    print(f"at most {ALONE_SHARE:g} of the drive's time: {'ok' if is_soon else 'NO'}")
+    return len(bags) == 1 and is_soon
 
 
 def _elsewhere_s() -> float:

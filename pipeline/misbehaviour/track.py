@@ -47,8 +47,8 @@ class Track:
     """The messages of the last `window_s`, and a filter of all of them.
 
     last, length: the newest claim, and how many messages are in the window; there are none before the first
-    `add`. last_fault_ns: when a check last failed. pardon_s: how long its messages have to be consistent after that
-    for the station to be trusted.
+    `add`. last_fault_ns: when a check last failed. pardon_s: how long its messages have to be consistent
+    after that for the station to be trusted.
     """
 
     def __init__(self, config: DetectorConfig) -> None:
