@@ -18,7 +18,6 @@ from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.road_users import RoadUser
-from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 
 WORTH_A_PROCESS = 60_000
 """Vehicles times steps: a hundred vehicles for a minute. A process takes seconds to load its libraries."""
@@ -49,17 +48,22 @@ def pays_ahead(scenario: Scenario) -> bool:
 
 
 class TrafficAhead(TrafficSource):
-    """SUMO in a process of its own, one step or so ahead, for a scenario without instrumented vehicles.
+    """A source in a process of its own, a step or so ahead, for a scenario without instrumented vehicles.
 
     The road users are the same, bit for bit. An error of that process is raised here by the step that it
     concerns.
     """
 
     def __init__(
-        self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
+        self,
+        source: type[TrafficSource],
+        scenario: Scenario,
+        network: RoadNetwork,
+        variants: Mapping[str, Variant],
+        scratch: Path,
     ) -> None:
-        SumoTraffic(scenario, network, variants, scratch)  # checks the scenario
-        self._prepare = partial(_frames, scenario, network, dict(variants), scratch)
+        source(scenario, network, variants, scratch)  # checks the scenario
+        self._prepare = partial(_frames, source, scenario, network, dict(variants), scratch)
         self._steps = range(scenario.simulation.frames)
         self._frames: Generator[_TrafficFrame, None, None] | None = None
         self._variants: dict[str, Variant] = {}
@@ -97,10 +101,14 @@ class TrafficAhead(TrafficSource):
 
 
 def _frames(
-    scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
+    source_class: type[TrafficSource],
+    scenario: Scenario,
+    network: RoadNetwork,
+    variants: Mapping[str, Variant],
+    scratch: Path,
 ) -> Callable[[int], _TrafficFrame]:
     """Enter the traffic in this process, which ends with the drive; each call steps it."""
-    source = SumoTraffic(scenario, network, variants, scratch).__enter__()
+    source = source_class(scenario, network, variants, scratch).__enter__()
     known: set[str] = set()
 
     def frame(_: int) -> _TrafficFrame:

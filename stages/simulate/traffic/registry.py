@@ -37,5 +37,5 @@ def open_traffic(
             "stages/simulate/traffic/protocol.py"
         )
     if pays_ahead(scenario):
-        return TrafficAhead(scenario, network, variants, scratch)
+        return TrafficAhead(source, scenario, network, variants, scratch)
     return source(scenario, network, variants, scratch)
