@@ -22,6 +22,8 @@ from advpipe.pipeline.misbehaviour.scores import Bools, scores
 
 MAX_FALSE_POSITIVE_RATE = 0.005
 """Share of clean messages on the tuning drives: half of the 1 % accepted on other drives."""
+WORST_STREAM = 1.5
+"""A single receiver's share of clean messages may be so many times as large."""
 EXCEEDANCE_SHARES = (0.0, 0.0003, 0.0007, 0.0015, 0.003)
 """Shares of clean messages that may be above a check's tuned threshold; with 0, its margin is added."""
 FIRST_SHARE = 0.0003
@@ -80,9 +82,9 @@ def tuning_score(streams: Sequence[Stream], flags: Iterable[Bools]) -> TuningSco
 def evaluated(streams: Sequence[Stream]) -> Evaluate:
     """The evaluation of our detector on streams, one after the other.
 
-    The false-positive rate is that of all clean streams or, if larger, half of that of the worst one, so that
-    one map's traffic does not hide behind another's. Where it is beyond the bound, the attacked streams are
-    left out: F1 is zero.
+    The false-positive rate is that of all clean streams or, if larger, that of the worst one over
+    `WORST_STREAM`, so that one map's traffic does not hide behind another's. Where it is beyond the bound, the
+    attacked streams are left out: F1 is zero.
     """
     clean = [stream for stream in streams if not stream.attack]
     attacked = [stream for stream in streams if stream.attack]
@@ -90,7 +92,7 @@ def evaluated(streams: Sequence[Stream]) -> Evaluate:
     def evaluate(config: DetectorConfig) -> TuningScore:
         flags = list(_flags(clean, config))
         worst = max((float(flagged.mean()) for flagged in flags if len(flagged)), default=0.0)
-        rate = max(tuning_score(clean, flags).false_positive_rate, worst / 2)
+        rate = max(tuning_score(clean, flags).false_positive_rate, worst / WORST_STREAM)
         if rate > MAX_FALSE_POSITIVE_RATE:
             return TuningScore(0.0, rate)
         return TuningScore(tuning_score(attacked, _flags(attacked, config)).mean_f1, rate)
