@@ -83,8 +83,8 @@ def evaluated(streams: Sequence[Stream]) -> Evaluate:
     """The evaluation of our detector on streams, one after the other.
 
     The false-positive rate is that of all clean streams or, if larger, that of the worst one over
-    `WORST_STREAM`, so that one map's traffic does not hide behind another's. Where it is beyond the bound, the
-    attacked streams are left out: F1 is zero.
+    `WORST_STREAM`, so that one map's traffic does not hide behind another's. Where it is beyond the bound,
+    the attacked streams are left out: F1 is zero.
     """
     clean = [stream for stream in streams if not stream.attack]
     attacked = [stream for stream in streams if stream.attack]
