@@ -224,10 +224,10 @@ def alone(seconds: float, stations: int) -> bool:
     """Prints what a drive of messages alone takes in two processes and in one; whether it is soon."""
     settings = ["vehicles={}", f"traffic.vehicles={stations * 16 // 15}", "v2x.penetration=1"]  # not bicycles
     scenario = load_scenario("boulevard", [*settings, f"simulation.duration_s={seconds}"])
-    pays, bags, walls_s = traffic_registry.pays_ahead, set(), []
+    bags, walls_s = set(), []
     print("processes  stations  CAMs     wall s  CPU s here  elsewhere  memory here MB")
-    for processes, is_ahead in ((2, pays), (1, lambda _: False)):
-        traffic_registry.pays_ahead = is_ahead
+    for processes in (2, 1):
+        traffic_registry.pays_ahead = lambda _, is_ahead=processes == 2: is_ahead
         wall_s, here_s, elsewhere_s = time.perf_counter(), time.process_time(), _elsewhere_s()
         with scratch() as folder:
             drive = run.simulate(scenario, Path(folder) / "drive")
