@@ -8,14 +8,17 @@ message without any drive: generate, encode, transmit, decode, Local Dynamic Map
     python benchmarks/v2x.py [--vehicles 230] [--frames 60] [--rounds 3] [--set key=value]
     python benchmarks/v2x.py --set v2x.security=etsi
     python benchmarks/v2x.py --fleet 2000
+    python benchmarks/v2x.py --alone 300 [--stations 300]
 
-With signed messages, it also says which share of the drive signing and verifying take. The last form measures
-fleets of 100 to 2000 stations without a drive.
+With signed messages, it also says which share of the drive signing and verifying take. The third form measures
+fleets of 100 to 2000 stations without a drive; the fourth a drive of messages alone, of so many seconds: with
+the traffic in a process of its own and without, whose bytes have to be the same.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import math
 import resource
 import statistics
@@ -51,9 +54,12 @@ from advpipe.pipeline.v2x.security.verifier import MessageVerifier
 from advpipe.stages.simulate import recorder, run
 from advpipe.stages.simulate.network.embedded.network import EmbeddedNetwork
 from advpipe.stages.simulate.recorder import Recorder
+from advpipe.stages.simulate.traffic import registry as traffic_registry
 from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 
 REACH = 1.3
+ALONE_SHARE = 0.4
+"""300 stations for 300 s within two minutes."""
 START_NS = 1_767_268_800_000_000_000
 STEP_NS = 100_000_000
 
@@ -230,6 +236,37 @@ def fleets(most: int) -> None:
         print(f"{stations:8} {rate:16,.0f} {1000 * spent_s / steps:24.1f} {memory_mb:10.0f}")
 
 
+def alone(seconds: float, stations: int) -> bool:
+    """Prints what a drive of messages alone takes in two processes and in one; whether it is soon."""
+    settings = ["vehicles={}", f"traffic.vehicles={stations * 16 // 15}", "v2x.penetration=1"]  # not bicycles
+    scenario = load_scenario("boulevard", [*settings, f"simulation.duration_s={seconds}"])
+    bags, walls_s = set(), []
+    print("processes  stations  CAMs     wall s  CPU s here  elsewhere  memory here MB")
+    for processes in (2, 1):
+        traffic_registry.pays_ahead = lambda _, is_ahead=processes == 2: is_ahead
+        wall_s, here_s, elsewhere_s = time.perf_counter(), time.process_time(), _elsewhere_s()
+        with scratch() as folder:
+            drive = run.simulate(scenario, Path(folder) / "drive")
+            walls_s.append(time.perf_counter() - wall_s)
+            here_s, elsewhere_s = time.process_time() - here_s, _elsewhere_s() - elsewhere_s
+            for bag in drive.bag.glob("*.mcap"):
+                bags.add(hashlib.sha256(bag.read_bytes()).hexdigest())
+        assert drive.v2x is not None
+        memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        counts = f"{processes:9} {drive.v2x.stations:9} {drive.v2x.cams:5}"
+        print(f"{counts} {walls_s[-1]:10.1f} {here_s:11.1f} {elsewhere_s:10.1f} {memory_mb:15.0f}")
+    print("the same bytes" if len(bags) == 1 else "OTHER BYTES")
+    is_soon = walls_s[0] <= ALONE_SHARE * seconds
+    print(f"at most {ALONE_SHARE:g} of the drive's time: {'ok' if is_soon else 'NO'}")
+    return len(bags) == 1 and is_soon
+
+
+def _elsewhere_s() -> float:
+    """The processor time of processes that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def messages(stations: int = 200, steps: int = 50) -> None:
     """Messages a second through everything but the drive, and through the codec alone."""
     drive = [states(stations, step) for step in range(steps)]
@@ -280,12 +317,16 @@ def main() -> int:
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--fleet", type=int, help="only fleets of up to this many stations, at most 2000")
+    parser.add_argument("--alone", type=float, help="only a drive of messages alone, of so many seconds")
+    parser.add_argument("--stations", type=int, default=300, help="of that drive")
     parser.add_argument("--set", action="append", default=[])
     given = parser.parse_args()
     print(machine())
     if given.fleet:
         fleets(given.fleet)
         return 0
+    if given.alone:
+        return int(not alone(given.alone, given.stations))
     messages()
     settings = [f"traffic.vehicles={given.vehicles}", "v2x.penetration=1", *given.set]
     ratio = drives(settings, given.frames, given.rounds)

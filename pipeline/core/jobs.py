@@ -7,8 +7,8 @@ import pickle
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import ModuleType
@@ -70,6 +70,17 @@ def map_jobs(
     return [results[job] for job in jobs]
 
 
+def results_ahead(prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int]) -> Generator[T, None, None]:
+    """Yield the results of jobs in their order, while another process computes the next ones.
+
+    It is ahead by as many results as a pipe holds, some 64 kB, and one more; so memory stays flat. Close the
+    generator to end that process. Raises what a job raised, in its place.
+    """
+    with closing(_in_processes(prepare, jobs, 1)) as results:
+        for _, result in results:
+            yield result
+
+
 def usable_cores() -> int:
     """The cores that this process may run on: not all of the machine's under `taskset` or a batch system."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -96,7 +107,7 @@ def _in_this_process(
 
 def _in_processes(
     prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], count: int
-) -> Iterator[tuple[int, T]]:
+) -> Generator[tuple[int, T], None, None]:
     context = get_context("spawn")  # a fork would inherit the threads of the libraries loaded here
     processes, pipes = [], []
     if os.name == "posix":

@@ -180,10 +180,13 @@ def claimed_box(claim: Claim, at_ns: int) -> tuple[float, ...] | None:
     return found if all(map(math.isfinite, found)) else None
 
 
-def overlap_share(own: tuple[float, ...], others: list[tuple[float, ...]]) -> float:
-    """The largest overlap with any other box, as a share of the smaller of the two boxes."""
+def overlap_share(own: tuple[float, ...], others: list[tuple[float, ...]], apart_m: float = 0.0) -> float:
+    """The largest overlap with any other box, as a share of the smaller of the two boxes.
+
+    apart_m: how much farther apart two boxes may be than their claimed centres.
+    """
     near = [
-        other
+        _moved_apart(own, other, apart_m)
         for other in others
         if math.hypot(other[0] - own[0], other[1] - own[1])
         <= (math.hypot(own[3], own[4]) + math.hypot(other[3], other[4])) / 2
@@ -193,6 +196,16 @@ def overlap_share(own: tuple[float, ...], others: list[tuple[float, ...]]) -> fl
     boxes = np.array(near)
     common = intersection_area(np.repeat([own], len(near), axis=0), boxes)
     return float((common / np.minimum(own[3] * own[4], boxes[:, 3] * boxes[:, 4])).max())
+
+
+def _moved_apart(own: tuple[float, ...], other: tuple[float, ...], apart_m: float) -> tuple[float, ...]:
+    """The other box farther from this one; to its left if both have the same centre."""
+    x_m, y_m = other[0] - own[0], other[1] - own[1]
+    distance_m = math.hypot(x_m, y_m)
+    if distance_m < 1e-6:
+        x_m, y_m, distance_m = -math.sin(own[6]), math.cos(own[6]), 1.0
+    share = apart_m / distance_m
+    return (other[0] + share * x_m, other[1] + share * y_m, *other[2:])
 
 
 def _outside(value: float, one: float, other: float) -> float:

@@ -60,7 +60,7 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
         "impulse": _tuned("sigma", 1.1, 3.5, "the same over the last seconds", "F2MD, over a window"),
         "dynamics": _tuned("m/s2", 1.2, 5.0, "claimed acceleration, or speed change", "NextGen"),
         "size": _ruled("m", 0.15, "change of length or width, coded in 0.1 m", "VASP dimension"),
-        "overlap": _tuned("1", 1.2, 0.4, "overlap, share of the smaller box", "F2MD intersection"),
+        "overlap": _tuned("1", 1.2, 0.2, "overlap, share of the smaller box", "F2MD intersection"),
         "appearance": _tuned("m", 1.1, 150.0, "how far within range a new station is", "F2MD appearance"),
         "kalman": _tuned("1", 1.2, 20.0, "innovation squared over its variance, 4 values", "F2MD Kalman"),
         "branch": _ruled("1", 0.5, "continues a flagged message", "ours"),
@@ -106,6 +106,8 @@ class Expectation:
     acceleration_share: float = 0.3
     """Share of a claimed acceleration by which the driver changes it within a second."""
     speed_bias_mps: float = 0.1
+    apart_m: float = 1.0
+    """Of the distance between two stations, whose positions err independently of each other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,8 +117,8 @@ class DetectorConfig:
     thresholds: by check; a missing check is off. earshot_m: a new station nearer than this appears suddenly.
     settle_s: time after the first message in which every station is new. memory_s: a track without a message
     for this long is forgotten. pardon_s: a flagged station whose messages have been consistent for this long
-    is trusted again; infinity for never. window_s: of `drift` and
-    `impulse`.
+    is trusted again; infinity for never. road_pardon_s: the same where only the road map spoke against it:
+    who pulls out is beside or across the lane at first. window_s: of `drift` and `impulse`.
     """
 
     thresholds: Mapping[str, float] = field(default_factory=lambda: dict(THRESHOLDS))
@@ -125,6 +127,7 @@ class DetectorConfig:
     settle_s: float = 2.0
     memory_s: float = 4.0
     pardon_s: float = tuned.PARDON_S
+    road_pardon_s: float = 1.0
     window_s: float = 3.0
     kalman_acceleration_mps2: float = 2.0
 

@@ -18,9 +18,12 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour import checks
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
-from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig, Expectation
+from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorConfig, Expectation
 from advpipe.pipeline.misbehaviour.track import Track
 from advpipe.pipeline.misbehaviour.verdicts import CheckVerdicts, Verdicts
+
+_NEAR_M = 60.0
+"""No box reaches so far, with a second of motion."""
 
 
 class Judgement(NamedTuple):
@@ -161,19 +164,20 @@ class OnlineDetector:
         others: list[tuple[float, ...]] = [
             (receiver.x_m, receiver.y_m, 0.0, receiver.length_m, receiver.width_m, 1.0, receiver.yaw_rad)
         ]
-        age = own.trusted.length if own.trusted is not None else 0
+        x_m, y_m, at_ns = claim.x_m, claim.y_m, claim.arrival_ns
+        least = max(own.trusted.length if own.trusted is not None else 0, 2)
         for other in self._stations.values():
             track = other.trusted
-            if other is own or track is None or track.length < max(age, 2):
+            if track is None or track.length < least or other is own:
                 continue
-            if (claim.arrival_ns - track.last.arrival_ns) / 1e9 > 1.0:
+            last = track.last
+            if abs(last.x_m - x_m) > _NEAR_M or abs(last.y_m - y_m) > _NEAR_M:
                 continue
-            x_m, y_m = track.last.x_m - claim.x_m, track.last.y_m - claim.y_m
-            if x_m * x_m + y_m * y_m > 60.0**2:  # no box reaches so far, with a second of motion
+            if (at_ns - last.arrival_ns) / 1e9 > 1.0:
                 continue
-            if (theirs := checks.claimed_box(track.last, claim.arrival_ns)) is not None:
+            if (theirs := checks.claimed_box(last, at_ns)) is not None:
                 others.append(theirs)
-        return checks.overlap_share(box, others)
+        return checks.overlap_share(box, others, self._config.expectation.apart_m)
 
     def _remember(
         self,
@@ -198,17 +202,23 @@ class OnlineDetector:
         if continues_suspect and station.suspect is not None:
             suspect = station.suspect
             if checks.elapsed_s(claim, suspect.last) <= 0:
-                suspect.last_fault_ns = at_ns
+                self._blame(suspect, faults, at_ns)
                 return
             suspect.add(claim)
             if faults:
-                suspect.last_fault_ns = at_ns
-            elif (at_ns - suspect.last_fault_ns) / 1e9 >= config.pardon_s:
+                self._blame(suspect, faults, at_ns)
+            elif (at_ns - suspect.last_fault_ns) / 1e9 >= suspect.pardon_s:
                 station.trusted, station.suspect = suspect, None
             return
         station.suspect = Track(config)
         station.suspect.add(claim)
-        station.suspect.last_fault_ns = at_ns
+        self._blame(station.suspect, faults, at_ns)
+
+    def _blame(self, suspect: Track, faults: Sequence[str], at_ns: int) -> None:
+        """Distrust a track from now on, the longer if more than the road map speaks against it."""
+        config, is_of_the_road = self._config, set(faults) <= set(NEED_ROADS)
+        pardon_s = config.road_pardon_s if is_of_the_road else config.pardon_s
+        suspect.last_fault_ns, suspect.pardon_s = at_ns, max(suspect.pardon_s, pardon_s)
 
 
 def judge_all(

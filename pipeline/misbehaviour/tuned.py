@@ -1,7 +1,8 @@
 """Tuned parameters of both detectors, as `benchmarks/misbehaviour.py --ship` searches them.
 
 After the search on the first four drives, the thresholds of `position_speed`, `heading` and `kalman` were
-raised by hand, so that of the honest messages of the fifth, on another map, fewer than 1 % are flagged.
+raised by hand, so that of the honest messages of the fifth, on another map, fewer than 1 % are flagged;
+`overlap` is what the search gives now that boxes are moved apart.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ THRESHOLDS: dict[str, float] = {
     "acceleration": 5.849,
     "impulse": 3.727,
     "dynamics": 8.29,
-    "overlap": 0.4,
+    "overlap": 0.2,
     "appearance": 150.0,
     "kalman": 90.0,
 }

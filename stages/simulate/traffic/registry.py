@@ -10,6 +10,7 @@ from advpipe.pipeline.core.implementation import find_implementation
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.ahead import TrafficAhead, pays_ahead
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.sumo.traffic import SumoTraffic
 from advpipe.stages.simulate.traffic.trajectories.traffic import TrajectoryTraffic
@@ -23,7 +24,7 @@ TRAFFIC_SOURCES: Mapping[str, type[TrafficSource]] = {
 def open_traffic(
     scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant], scratch: Path
 ) -> TrafficSource:
-    """The source that the scenario names, ready to be entered.
+    """The source that the scenario names, ready to be entered, in a process of its own where that pays.
 
     Raises UsageError for an unknown name or a class that is not a `TrafficSource`, and any AdvpipeError
     that the source raises about the scenario.
@@ -35,4 +36,6 @@ def open_traffic(
             f"traffic.source {name} is not a traffic source: it lacks members of "
             "stages/simulate/traffic/protocol.py"
         )
+    if pays_ahead(scenario):
+        return TrafficAhead(source, scenario, network, variants, scratch)
     return source(scenario, network, variants, scratch)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.jobs import UnexpectedInWorkerError, Work, map_jobs, run_jobs
+from advpipe.pipeline.core.jobs import UnexpectedInWorkerError, Work, map_jobs, results_ahead, run_jobs
 
 CODE = """
 import os, time
@@ -69,6 +69,25 @@ def test_results_are_in_the_order_of_the_jobs(prepare: partial[Work], workers: i
     jobs = range(3, 15)
     assert map_jobs(partial(prepare, None), jobs, "squares", workers) == [job * job for job in jobs]
     assert map_jobs(partial(prepare, None), [], "squares", workers) == []
+
+
+def test_another_process_is_ahead_and_its_errors_come_in_their_place(
+    prepare: partial[Work], tmp_path: Path
+) -> None:
+    found = results_ahead(partial(prepare, 5), range(10))
+    assert [next(found) for _ in range(5)] == [0, 1, 4, 9, 16]
+    with pytest.raises(AdvpipeError, match="job 5 is bad"):
+        next(found)
+    assert [path.name for path in (tmp_path / "out").glob("process-*")] != [f"process-{os.getpid()}"]
+
+
+def test_who_has_enough_ends_the_process_that_is_ahead(prepare: partial[Work], tmp_path: Path) -> None:
+    found = results_ahead(partial(prepare, 7), range(1000))
+    assert next(found) == 0
+    found.close()
+    (process,) = (int(path.name.partition("-")[2]) for path in (tmp_path / "out").glob("process-*"))
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system ties no process to a core")

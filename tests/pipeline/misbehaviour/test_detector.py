@@ -19,7 +19,7 @@ CONFIG = DetectorConfig(
     thresholds={
         **{name: check.rule for name, check in CHECKS.items() if check.rule is not None},
         **dict.fromkeys(SIGMAS, 6.0),
-        **{"kalman": 40.0, "dynamics": 10.0, "speed": 30.0, "range": 900.0, "overlap": 0.5},
+        **{"kalman": 40.0, "dynamics": 10.0, "speed": 30.0, "range": 900.0, "overlap": 0.2},
         **{"position": 3.0, "wrong_way": 1.6, "freshness": 0.3, "appearance": math.inf},
     }
 )
@@ -122,6 +122,21 @@ def test_two_in_one_place(make: Make, ego: ReceivingVehicle) -> None:
     ghost_vehicle = drive(make, 4.0, station_id=9, y_m=0.5)
     claims = [*drive(make), *(one._replace(arrival_ns=one.arrival_ns + 1) for one in ghost_vehicle)]
     assert flags(claims, ego) == [False] * 10 + [False, True] * 10
+
+
+def test_cars_side_by_side_are_not_in_one_place(make: Make, ego: ReceivingVehicle) -> None:
+    """Both err by half a metre: their claimed boxes, 2 m wide, are 1.2 m apart."""
+    beside = drive(make, 4.0, station_id=9, y_m=1.2)
+    claims = [*drive(make), *(one._replace(arrival_ns=one.arrival_ns + 1) for one in beside)]
+    assert not any(flags(claims, ego))
+
+
+def test_who_pulls_out_across_the_lane_is_soon_trusted(make: Make, ego: ReceivingVehicle) -> None:
+    """Only the road map speaks against the first message; against other faults, 30 s count."""
+    pulls_out = [make(wrong_way_rad=2.0), *drive(make, 0.4)]
+    assert flags(pulls_out, ego) == [True] * 4 + [False] * 16
+    brakes_too = [make(wrong_way_rad=2.0, acceleration_mps2=-15.0), *drive(make, 0.4)]
+    assert flags(brakes_too, ego) == [True] * 20
 
 
 def test_on_top_of_the_receiver(make: Make, ego: ReceivingVehicle) -> None:

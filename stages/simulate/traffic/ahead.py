@@ -1,0 +1,127 @@
+"""Traffic that another process simulates ahead: for drives of messages alone, in which nothing acts on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+import numpy as np
+
+from advpipe.pipeline.core.jobs import results_ahead, usable_cores
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.v2x.codec.codes import ExteriorLights
+from advpipe.stages.simulate.bodies import Variant
+from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.protocol import TrafficSource
+from advpipe.stages.simulate.traffic.road_users import RoadUser
+
+WORTH_A_PROCESS = 60_000
+"""Vehicles times steps: a hundred vehicles for a minute. A process takes seconds to load its libraries."""
+
+
+class _TrafficFrame(NamedTuple):
+    """The N road users of one step, as arrays, since those are pickled fast.
+
+    poses: (N, 4, 4). velocities_mps: (N, 3). variants: of those that were not in an earlier frame.
+    """
+
+    names: tuple[str, ...]
+    poses: Float64
+    velocities_mps: Float64
+    lights: tuple[int, ...]
+    variants: dict[str, Variant]
+
+
+def pays_ahead(scenario: Scenario) -> bool:
+    """Whether another process may simulate the traffic, and is worth its start."""
+    traffic = scenario.traffic
+    return (
+        not scenario.vehicles
+        and (traffic.source, traffic.transport) == ("sumo", "libsumo")
+        and usable_cores() > 1
+        and traffic.vehicles * scenario.simulation.frames >= WORTH_A_PROCESS
+    )
+
+
+class TrafficAhead(TrafficSource):
+    """A source in a process of its own, a step or so ahead, for a scenario without instrumented vehicles.
+
+    The road users are the same, bit for bit. An error of that process is raised here by the step that it
+    concerns.
+    """
+
+    def __init__(
+        self,
+        source: type[TrafficSource],
+        scenario: Scenario,
+        network: RoadNetwork,
+        variants: Mapping[str, Variant],
+        scratch: Path,
+    ) -> None:
+        source(scenario, network, variants, scratch)  # checks the scenario
+        self._prepare = partial(_frames, source, scenario, network, dict(variants), scratch)
+        self._steps = range(scenario.simulation.frames)
+        self._frames: Generator[_TrafficFrame, None, None] | None = None
+        self._variants: dict[str, Variant] = {}
+        self._users: dict[str, RoadUser] = {}
+
+    def __enter__(self) -> TrafficAhead:
+        self._frames = results_ahead(self._prepare, self._steps)
+        return self
+
+    def __exit__(
+        self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._frames is not None:
+            self._frames.close()
+
+    def step(self) -> None:
+        assert self._frames is not None
+        frame = next(self._frames)
+        self._variants |= frame.variants
+        self._users = {
+            name: RoadUser(name, self._variants[name], pose, velocity_mps, ExteriorLights(lights))
+            for name, pose, velocity_mps, lights in zip(
+                frame.names, frame.poses, frame.velocities_mps, frame.lights, strict=True
+            )
+        }
+
+    def road_users(self) -> Mapping[str, RoadUser]:
+        return self._users
+
+    def route_m(self, name: str) -> Float64:
+        raise KeyError(name)  # no vehicle carries sensors
+
+    def push(self, users: Iterable[RoadUser], upcoming: Iterable[RoadUser] = ()) -> None:
+        raise NotImplementedError("traffic that is simulated ahead cannot react")
+
+
+def _frames(
+    source_class: type[TrafficSource],
+    scenario: Scenario,
+    network: RoadNetwork,
+    variants: Mapping[str, Variant],
+    scratch: Path,
+) -> Callable[[int], _TrafficFrame]:
+    """Enter the traffic in this process, which ends with the drive; each call steps it."""
+    source = source_class(scenario, network, variants, scratch).__enter__()
+    known: set[str] = set()
+
+    def frame(_: int) -> _TrafficFrame:
+        source.step()
+        users = list(source.road_users().values())
+        new = {user.id: user.variant for user in users if user.id not in known}
+        known.update(new)
+        return _TrafficFrame(
+            tuple(user.id for user in users),
+            np.array([user.map_SE3_base for user in users]).reshape(-1, 4, 4),
+            np.array([user.velocity_mps for user in users]).reshape(-1, 3),
+            tuple(int(user.lights) for user in users),
+            new,
+        )
+
+    return frame
