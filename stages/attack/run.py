@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,8 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.jobs import run_jobs
+from advpipe.pipeline.core.job_engine import runs_elsewhere
+from advpipe.pipeline.core.jobs import stream_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import notice
@@ -127,17 +129,24 @@ def _check_detectors(reader: BagReader, request: AttackRequest) -> None:
 def _attack_clouds(
     clean: Path, plan: CloudPlan, request: AttackRequest, job: Job, workers: int | None
 ) -> None:
-    """Attack the clouds that the job lacks; batches in one process, unless more workers are requested."""
+    """Attack the clouds that the job lacks; batches in one process, unless more workers are requested.
+
+    Each result is stored here as soon as it comes, so that the workers need not see the job's folder.
+    """
     at_once = frames_at_once(request.device)
     groups = groups_of(plan.attacked, at_once)
+    done = frozenset(place for place in range(len(plan.attacked)) if job.load(place) is not None)
     attacker = partial(
-        cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
+        cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, done, request.device
     )
     if own := plugin_names(name for spec in request.lidar for name in (spec.type, spec.detector)):
         attacker = partial(with_plugin_errors, attacker, own)
-    if at_once > 1:
+    if at_once > 1 and not runs_elsewhere():
         workers = workers or 1
-    run_jobs(attacker, unfinished(groups, job), CLOUDS, workers)
+    with closing(stream_jobs(attacker, unfinished(groups, done), CLOUDS, workers)) as finished:
+        for _, results in finished:
+            for place, result in results:
+                job.store(place, result)
 
 
 def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.jobs import UnexpectedInWorkerError, Work, map_jobs, run_jobs
+from advpipe.pipeline.core.job_errors import UnexpectedInWorkerError
+from advpipe.pipeline.core.jobs import Work, map_jobs, run_jobs
 
 CODE = """
 import os, time
