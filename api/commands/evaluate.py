@@ -64,8 +64,8 @@ def evaluate(
     each cloud, and levels and shifts the cloud. scale_intensity: multiplies intensities. Boxes
     and figures stay in the frame of the recording. write_detections: writes bags that show the detections;
     with_clouds: with the clouds in them. scene: shows frames in 3D in the page. workers: processes, by
-    default one a core; their number changes no byte. cluster: as `attack` has it. out: the report's folder, by default
-    `reports/<detector>` of the data set. overwrite: replaces one that exists.
+    default one a core; their number changes no byte. cluster: as `attack` has it. out:
+    the report's folder, by default `reports/<detector>` of the data set. overwrite: replaces one that exists.
 
     Returns the report, written to `out`: `to_dicts()` has the rows of report.json, mAP as a share, ratios in
     percent, distances in metres. Raises UsageError for bags that do not belong together or lack what is

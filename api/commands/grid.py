@@ -28,8 +28,8 @@ def grid(
 
     file: the grid file. device: where detectors compute, `cpu`, `cuda` or `cuda:N`. keep_bags: keeps the
     adversarial bags, beside the drives. workers: processes, by default one a core; their number changes no
-    byte. cluster: as `attack` has it. out: the folder, by default `grids/<name>`; finished cells in it are kept. overwrite: computes
-    those that other code of advpipe made again.
+    byte. cluster: as `attack` has it. out: the folder, by default `grids/<name>`; finished cells in it are
+    kept. overwrite: computes those that other code of advpipe made again.
 
     Returns the cells of the grid, also in `grid.parquet` and `report.html` of the folder. Raises UsageError
     for a mistake in the file, before the first drive is simulated, and for a folder that is no grid's.

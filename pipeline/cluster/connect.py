@@ -41,10 +41,10 @@ def use_cluster(address: str | None, device: str = "cpu") -> Iterator[None]:
         return
     if device.startswith("cuda:"):
         raise UsageError(f"device {device}: Ray assigns the GPUs; with a cluster, give cuda")
+    _refuse_silent(address)
     ray = _loaded_ray()
     is_ours = not ray.is_initialized()
     if is_ours:
-        _refuse_silent(address)
         _connect(ray, address)
     try:
         engine = RayTasks(gpus=int(device == "cuda"))

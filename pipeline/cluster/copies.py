@@ -83,8 +83,8 @@ class Copies:
             place = ray.get(folder.place.remote(wanted.path, wanted.size))
             if place is None:
                 raise AdvpipeError(
-                    f"the cluster's node {missing.host} does not see {wanted.path} and has no room for a copy "
-                    f"of its {wanted.size / 1e6:,.0f} MB; put it on a file system that all nodes share"
+                    f"the cluster's node {missing.host} does not see {wanted.path} and has no room for a "
+                    f"copy of its {wanted.size / 1e6:,.0f} MB; put it on a file system that all nodes share"
                 )
             waiting: deque[Any] = deque()
             for name, part in _parts(wanted):

@@ -1,4 +1,4 @@
-"""The files that jobs read: a worker uses them where they lie if it sees the same ones, or a copy of its node.
+"""The files that jobs read: a worker uses them where they lie if it sees them, or its node's copy of them.
 
 What a worker needs is pickled with each path in it marked, so that neither the stages nor their jobs know
 where a bag lies on the machine that reads it.
@@ -22,7 +22,7 @@ _ENDS_BYTES = 1 << 16
 class InputFile:
     """One file of an input. name: its path within the input's folder, or "" for an input that is a file.
 
-    ends_sha256: of the first and the last 64 KiB; of an MCAP file they hold provenance, statistics, checksums.
+    ends_sha256: of the first and the last 64 KiB; of an MCAP file, they hold provenance and checksums.
     """
 
     name: str
@@ -79,7 +79,7 @@ def packed(value: object) -> tuple[bytes, tuple[Input, ...]]:
             key = str(path.absolute())
             if key not in inputs:
                 inputs[key] = Input.of(path)
-            return is_path, key
+            return is_path, list(inputs).index(key)  # a text would be looked at in turn
 
     Packer(stream, protocol=pickle.HIGHEST_PROTOCOL).dump(value)
     return stream.getvalue(), tuple(inputs.values())
@@ -103,9 +103,10 @@ def unpacked(content: bytes, inputs: tuple[Input, ...], copies: Mapping[str, str
         raise MissingInputsError(tuple(missing))
 
     class Unpacker(pickle.Unpickler):
-        def persistent_load(self, mark: tuple[bool, str]) -> Path | str:
-            is_path, key = mark
-            return Path(places[key]) if is_path else places[key]
+        def persistent_load(self, mark: tuple[bool, int]) -> Path | str:
+            is_path, number = mark
+            place = places[inputs[number].path]
+            return Path(place) if is_path else place
 
     value: Callable[[], Any] = Unpacker(io.BytesIO(content)).load()
     return value

@@ -1,4 +1,4 @@
-"""The engine of a Ray cluster: every job is a task, of which a few more than can run at a time are submitted."""
+"""The engine of a Ray cluster: a job is a task, and a few more are submitted than can run at a time."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class RayTasks:
             raise AdvpipeError(f"the cluster has no node with a {what}{hint}")
 
     def note_machine(self, machine: Machine) -> None:
-        """Tell the user once that the machines differ, on which the last bits of floating point may depend."""
+        """Tell the user once that the machines differ, on which the last bits of results may depend."""
         is_new = machine not in self._machines
         self._machines.add(machine)
         if is_new and len(self._machines) == 2:

@@ -32,7 +32,6 @@ class Machine:
     libraries: tuple[str, ...]
 
 
-
 @dataclass(frozen=True)
 class Finished:
     """What a job returned; machine: the one that did it."""
@@ -139,8 +138,8 @@ def _load(batch: JobBatch, job: int, copies: NodeCopies) -> _Loaded:
     host = socket.gethostname()
     if batch.code != code_of_advpipe():
         raise AdvpipeError(
-            f"the cluster's node {host} has other sources of advpipe (version {installed('advpipe')}); install "
-            "the same ones on all nodes"
+            f"the cluster's node {host} has other sources of advpipe (version {installed('advpipe')}); "
+            "install the same ones on all nodes"
         )
     if batch.writes is not None and not key_file(batch.writes, batch.key).is_file():
         raise AdvpipeError(

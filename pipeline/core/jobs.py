@@ -1,4 +1,4 @@
-"""Runs many independent jobs: in this process, in several, or on a cluster; results do not depend on where."""
+"""Runs independent jobs: in this process, in several, or on a cluster; results do not depend on where."""
 
 from __future__ import annotations
 

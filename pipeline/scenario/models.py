@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from advpipe.pipeline.core.nearest import known_names
-from advpipe.pipeline.core.section import Implementation, Name, Section, Switch
+from advpipe.pipeline.core.section import Implementation, Name, Positive, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.environment import Environment
 from advpipe.pipeline.scenario.map import Map
@@ -35,6 +35,18 @@ class Recording(Section):
 
     compression: Literal["none", "lz4", "zstd"] = Field("zstd", description="compression of the bag's chunks")
     markers: Switch = Field(True, description="record boxes as markers for RViz and Foxglove, too")
+    split_s: Positive | None = Field(
+        None, description="length of each file of the bag in simulated seconds; null: the bag is one file"
+    )
+    split_mb: Positive | None = Field(
+        None, description="most megabytes of messages in each file, before compression; null: no limit"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_split(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leaves out limits that are not set: such a drive is recorded as before there were any."""
+        tree: dict[str, Any] = handler(self)
+        return {key: each for key, each in tree.items() if not (key.startswith("split_") and each is None)}
 
 
 class Scenario(Section):

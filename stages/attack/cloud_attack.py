@@ -10,6 +10,7 @@ from pathlib import Path
 
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
 from advpipe.pipeline.detector.batching import run_batched
@@ -66,6 +67,7 @@ def cloud_attacker(
     batches; else cloud by cloud. Several processes may share a GPU: each is started anew and has a CUDA
     context of its own.
     """
+    reader = BagReader(clean)
     detectors = {spec.detector: load_detector(spec.detector, device) for spec in attacks}
 
     @cache
@@ -77,7 +79,7 @@ def cloud_attacker(
         cloud = clouds[place]
         spec = attacks[cloud.attack]
         only = FrameSlice(cloud.frame, cloud.frame + 1)
-        (frame,) = read_frames(clean, only, lidar_topic=cloud.topic)
+        (frame,) = read_frames(reader, only, lidar_topic=cloud.topic)
         named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
         recipe = resolved_recipe(spec, LIDAR_ATTACKS.find(spec.type))
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)

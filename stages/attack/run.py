@@ -10,6 +10,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
@@ -85,7 +86,8 @@ def attack(
         _check_detectors(reader, request)
     provenance = job_provenance(reader, request)
     # Made here, as it refuses a bad output at once.
-    writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
+    split = BagSplit.of(reader.provenance)
+    writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts, split=split)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x = request.of("gnss"), request.of("v2x")
