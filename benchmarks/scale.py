@@ -1,10 +1,11 @@
 """How far jobs go past one machine: Ray beside local processes, a killed node, and drives of an hour.
 
     python benchmarks/scale.py throughput          two nodes of one core beside two local workers: 3 minutes
+    python benchmarks/scale.py driver --bag DRIVE  what the driver alone spends on a frame: 1 minute
     python benchmarks/scale.py killed --bag DRIVE  a node is killed in the middle of an attack: 3 minutes
     python benchmarks/scale.py length              cost of a frame in drives of 100 to 30,000: 40 minutes
 
-The first two need `pip install 'advpipe[cluster]'`. What they print is in docs/scale.md.
+All but `length` need `pip install 'advpipe[cluster]'`. What they print is in docs/scale.md.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.writer import BagWriter
@@ -36,6 +38,8 @@ from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, TF_STATIC, VehicleTopics
+from advpipe.stages.attack.job import Job
+from advpipe.stages.attack.lidar.base import unchanged
 
 MARK = 0.9
 """The share of the local throughput that a cluster has to reach."""
@@ -83,6 +87,31 @@ def throughput(jobs: int, work_s: float, rounds: int) -> None:
             print(f"round {number + 1}: local {1 / local_s:.3f} jobs/s, Ray {1 / ray_s:.3f} jobs/s")
     ratio = statistics.median(ratios)
     print(f"Ray reaches {ratio:.2f} of two local workers, mark {MARK}: {'ok' if ratio >= MARK else 'BELOW'}")
+
+
+def driver(bag: Path, results: int) -> None:
+    """Prints the processor time that the driver spends on a frame: it bounds how many workers it feeds."""
+    with two_nodes() as (address, _), use_cluster(address):
+        times_s = [time.process_time()]
+        for _ in stream_jobs(partial(prepare_work, 0.0), range(results), "receiving"):
+            times_s.append(time.process_time())
+    received_s = (times_s[-1] - times_s[results // 2]) / (results - results // 2)
+    frames = list(read_frames(bag, FrameSlice(0, 20)))
+    with tempfile.TemporaryDirectory() as scratch:
+        begin_s, job = time.process_time(), Job(Path(scratch))
+        for frame in frames:
+            job.store(frame.index, unchanged(frame.cloud, ""))
+        stored_s = (time.process_time() - begin_s) / len(frames)
+        begin_s, topic = time.process_time(), VehicleTopics("ego").lidar_points
+        with BagWriter(Path(scratch, "bag"), provenance={}) as writer:
+            for frame in frames:
+                result = job.require(frame.index)
+                writer.write_cdr(topic, cloud_to_cdr(result.cloud, frame.stamp_ns, "lidar"), frame.stamp_ns)
+        written_s = (time.process_time() - begin_s) / len(frames)
+    print(
+        f"driver, ms of processor time a frame of {len(frames[0].cloud):,} points: "
+        f"receive {1000 * received_s:.1f}, store {1000 * stored_s:.1f}, write {1000 * written_s:.1f}"
+    )
 
 
 def killed(bag: Path, frames: str) -> None:
@@ -182,7 +211,7 @@ def _kill_later(folder: Path, kill: Callable[[], object]) -> None:
 def main() -> None:
     """Runs the named part."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("part", choices=("throughput", "killed", "length", "one-length"))
+    parser.add_argument("part", choices=("throughput", "driver", "killed", "length", "one-length"))
     parser.add_argument("--jobs", type=int, default=40)
     parser.add_argument("--work-s", type=float, default=1.0)
     parser.add_argument("--rounds", type=int, default=3)
@@ -192,6 +221,8 @@ def main() -> None:
     given = parser.parse_args()
     if given.part == "throughput":
         throughput(given.jobs, given.work_s, given.rounds)
+    elif given.part == "driver":
+        driver(given.bag, 3 * given.jobs)
     elif given.part == "killed":
         killed(given.bag, given.frames)
     elif given.part == "length":
