@@ -56,7 +56,6 @@ def test_the_name_of_a_drive_depends_on_its_scenario_alone(tmp_path: Path) -> No
         ({"attacks": {"a": {"type": "detahc"}}}, "did you mean 'detach'?"),
         ({"attacks": {"a": {**DETACH, "frames": "::2"}}}, "attacks.a: give `frames` at the top of the grid"),
         ({"attacks": {"clean": DETACH}}, "attacks.clean: the drive itself is named so"),
-        ({"attacks": {"a": {"type": "gnss-jump"}}}, "leaves clouds as they are"),
         ({"defences": ["jiter"]}, "defences"),
         ({"defences": ["all"]}, "'all' is not one defence; name each"),
         ({"frames": "x"}, "expected start:stop:step"),
