@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ class JobLimits:
 class JobEngine(Protocol):
     """Runs jobs somewhere."""
 
-    is_elsewhere: bool
+    is_elsewhere: ClassVar[bool]
     """Whether jobs run on other machines: this one needs no GPU of its own."""
 
     def results(
