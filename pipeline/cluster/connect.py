@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import socket
@@ -22,7 +23,11 @@ from advpipe.pipeline.core.verbosity import detail
 AUTO = "auto"
 CONNECT_S = 5.0
 
-_ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+|\[[0-9a-fA-F:]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
+_ADDRESS = re.compile(r"(?P<host>[\w.-]+|\[[0-9a-fA-F:]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
+_HTTP2_SETTINGS = b"\x04"
+_HTTP2_HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0" + _HTTP2_SETTINGS + bytes(5)
+"""What a client of gRPC sends first; a server of gRPC, as Ray's head is, answers with its settings, too."""
+
 _VERSIONS = re.compile(r"Ray: (?P<ray>\S+).*?Python: (?P<python>\S+)", re.DOTALL)
 
 
@@ -30,8 +35,8 @@ _VERSIONS = re.compile(r"Ray: (?P<ray>\S+).*?Python: (?P<python>\S+)", re.DOTALL
 def use_cluster(address: str | None, device: str = "cpu") -> Iterator[None]:
     """Within the block, jobs run as tasks of a Ray cluster; without an address, on this machine.
 
-    address: `host:port` of its head, `ray://host:port` of its client server, or `auto` for the one that
-    RAY_ADDRESS names or that runs on this machine. device: with `cuda`, each task has a GPU of its own.
+    address: `host:port` of its head, or `auto` for the one that RAY_ADDRESS names or that runs on this
+    machine. device: with `cuda`, each task has a GPU of its own.
 
     Raises UsageError for an address that is none and for `cuda:N`, and AdvpipeError where no Ray answers or
     its versions differ.
@@ -41,6 +46,8 @@ def use_cluster(address: str | None, device: str = "cpu") -> Iterator[None]:
         return
     if device.startswith("cuda:"):
         raise UsageError(f"device {device}: Ray assigns the GPUs; with a cluster, give cuda")
+    if address == AUTO:
+        address = os.environ.get("RAY_ADDRESS") or AUTO
     _refuse_silent(address)
     ray = _loaded_ray()
     is_ours = not ray.is_initialized()
@@ -75,13 +82,19 @@ def _refuse_silent(address: str) -> None:
             f"{option_name('cluster')} {short_repr(address)} is no address of a Ray cluster; give host:port, "
             f"such as 10.0.0.1:6379, or {AUTO}"
         )
+    place = found["host"].strip("[]"), int(found["port"])
     try:
-        socket.create_connection((found["host"].strip("[]"), int(found["port"])), CONNECT_S).close()
+        with socket.create_connection(place, CONNECT_S) as connection:
+            connection.settimeout(CONNECT_S)
+            connection.sendall(_HTTP2_HELLO)
+            reason = "" if connection.recv(9)[3:4] == _HTTP2_SETTINGS else "another program does"
     except OSError as error:
+        reason = error.strerror or str(error)
+    if reason:
         raise AdvpipeError(
-            f"no Ray cluster answers at {address} ({error.strerror or error}); start one with "
-            "`ray start --head`, which prints its address"
-        ) from None
+            f"no Ray cluster answers at {address} ({reason}); start one with `ray start --head`, which "
+            "prints its address"
+        )
 
 
 def _connect(ray: Any, address: str) -> None:

@@ -35,11 +35,7 @@ sensors: {lidars: {lidar: {channels: 16, points_per_second: 72000}}}
 GRID = """
 name: tiny
 scenario: tiny.yaml
-seeds: [1, 2]
-attacks: {detach: {type: detach, recipe: random, parameters: {ratio: 0.01}, detector: "sweep_drive:OneVoxel"}}
-detectors: ["sweep_drive:OneVoxel"]
-frames: "::5"
-baseline_tries: 1
+attacks: {bias: {type: gnss-bias, parameters: {bound_m: 5}}}
 """
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 
 import pytest
 
@@ -42,6 +43,29 @@ def test_an_address_where_nobody_answers() -> None:
             pass
 
 
+@pytest.mark.parametrize("answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b""], ids=["web server", "hangs up"])
+def test_an_address_where_another_program_answers(answer: bytes) -> None:
+    def serve() -> None:
+        connection, _ = server.accept()
+        with connection:
+            connection.recv(100)
+            connection.sendall(answer)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, daemon=True).start()
+        refused = pytest.raises(
+            AdvpipeError, match=r"^no Ray cluster answers at \S+ \(another program does\); "
+        )
+        with refused, use_cluster(f"127.0.0.1:{server.getsockname()[1]}"):
+            pass
+
+
+def test_the_environment_names_the_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", "nowhere")
+    with pytest.raises(UsageError, match=r"'nowhere' is no address of a Ray cluster"), use_cluster("auto"):
+        pass
+
+
 def test_one_gpu_of_several_cannot_be_named() -> None:
     with (
         pytest.raises(UsageError, match=r"^device cuda:1: Ray assigns the GPUs"),
@@ -51,6 +75,7 @@ def test_one_gpu_of_several_cannot_be_named() -> None:
 
 
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(AdvpipeError, match=r"pip install 'advpipe\[cluster\]'"), use_cluster("auto"):
         pass
