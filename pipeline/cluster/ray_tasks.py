@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -140,6 +140,7 @@ class _Tasks:
         options = {"num_gpus": engine.gpus} if engine.gpus else {}
         self._task = ray.remote(_by_value(_entry)).options(num_cpus=1, max_retries=RETRIES, **options)
         self._job_of: dict[Any, int] = {}
+        self._missed: Counter[int] = Counter()
         self._looked_s, self._slots, self._nodes = 0.0, 0, set[str]()
         self._had_slots_s = time.monotonic()
 
@@ -158,8 +159,7 @@ class _Tasks:
                 job = self._job_of.pop(task)
                 outcome = self._outcome(task)
                 if isinstance(outcome, Missing):
-                    self._engine.copies_on_node(outcome)
-                    self._submit(job)
+                    self._bring_inputs(outcome, job)
                     continue
                 if isinstance(outcome, Failed):
                     raise_error_of_worker(outcome.error)
@@ -179,6 +179,17 @@ class _Tasks:
     def _submit(self, job: int) -> None:
         places = {node: dict(copies) for node, copies in self._engine.places_of_copies().items()}
         self._job_of[self._task.remote([self._batch], self._key, job, places)] = job
+
+    def _bring_inputs(self, missing: Missing, job: int) -> None:
+        """Copy to a node what the job did not find there, and submit the job again."""
+        self._missed[job] += 1
+        if self._missed[job] > RETRIES:
+            raise AdvpipeError(
+                f"the cluster's node {missing.host} does not keep its copy of {missing.inputs[0].path}; "
+                "put it on a file system that all nodes share"
+            )
+        self._engine.copies_on_node(missing)
+        self._submit(job)
 
     def _outcome(self, task: Any) -> Outcome:
         import ray
