@@ -10,8 +10,8 @@ message without any drive: generate, encode, transmit, decode, Local Dynamic Map
     python benchmarks/v2x.py --fleet 2000
     python benchmarks/v2x.py --alone 300 [--stations 300]
 
-With signed messages, it also says which share of the drive signing and verifying take. The third form measures
-fleets of 100 to 2000 stations without a drive; the fourth a drive of messages alone, of so many seconds: with
+With signed messages, it also says which share of the drive signing and verifying take. The third form is of
+fleets of 100 to 2000 stations without a drive, the fourth of a drive of messages alone, so many seconds: with
 the traffic in a process of its own and without, whose bytes have to be the same.
 """
 

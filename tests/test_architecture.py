@@ -20,7 +20,7 @@ PUBLIC = ("bag", "commands", "networks")
 
 LAYERS = (
     {"core"},
-    {"process", "geometry", "mcap", "metrics"},
+    {"cluster", "process", "geometry", "mcap", "metrics"},
     {"kitti", "localisation"},
     {"v2x", "misbehaviour"},
     {"messages"},

@@ -40,6 +40,7 @@ def attack(
     scale_intensity: float = AttackOptions.scale_intensity,
     seed: int = AttackOptions.seed,
     workers: int | None = None,
+    cluster: str | None = None,
     debug: bool = AttackOptions.debug,
     out: PathLike | None = None,
     overwrite: bool = False,
@@ -61,7 +62,8 @@ def attack(
     detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
     `cuda` or `cuda:N`. lidar_height_m, level, scale_intensity: how it is shown clouds, see `evaluate`; the
     ground is fitted in each clean cloud. seed: of the attack's own draws. workers: processes, by default one
-    a core; their number changes no byte. debug: whether the bag gets topics under `/advpipe/debug`, which
+    a core; their number changes no byte. cluster: the address of a Ray cluster that does the work, or `auto`.
+    debug: whether the bag gets topics under `/advpipe/debug`, which
     show viewers what was attacked. out: the bag's folder, by default in the clean one's data set, or beside
     it as `BAG-...`. overwrite: replaces one that exists.
 
@@ -82,6 +84,7 @@ def attack(
         clean = bag_or_newest(bag)
     with working_on("loading libraries"):
         from advpipe.pipeline.bag.reader import BagReader
+        from advpipe.pipeline.cluster.connect import use_cluster
         from advpipe.pipeline.scenario.attacks import attack_spec
         from advpipe.stages.attack.output_name import output_name
         from advpipe.stages.attack.registry import default_budget
@@ -114,7 +117,7 @@ def attack(
     refuse_existing(target, overwrite)
     refuse_undecodable(target)
     detail(f"{name} of {clean}, seed {seed}, detector {detector} on {device}")
-    with writing(target):
+    with writing(target), use_cluster(cluster, device):
         return run(clean, target, request, overwrite=overwrite, workers=workers)
 
 

@@ -42,6 +42,7 @@ def evaluate(
     with_clouds: bool = Options.with_clouds,
     scene: bool = Options.scene,
     workers: int | None = None,
+    cluster: str | None = None,
     out: PathLike | None = None,
     overwrite: bool = False,
 ) -> Report:
@@ -63,8 +64,8 @@ def evaluate(
     each cloud, and levels and shifts the cloud. scale_intensity: multiplies intensities. Boxes
     and figures stay in the frame of the recording. write_detections: writes bags that show the detections;
     with_clouds: with the clouds in them. scene: shows frames in 3D in the page. workers: processes, by
-    default one a core; their number changes no byte. out: the report's folder, by default
-    `reports/<detector>` of the data set. overwrite: replaces one that exists.
+    default one a core; their number changes no byte. cluster: as `attack` has it. out:
+    the report's folder, by default `reports/<detector>` of the data set. overwrite: replaces one that exists.
 
     Returns the report, written to `out`: `to_dicts()` has the rows of report.json, mAP as a share, ratios in
     percent, distances in metres. Raises UsageError for bags that do not belong together or lack what is
@@ -85,6 +86,7 @@ def evaluate(
     refuse_undecodable(scored, *others, target)
     detail(f"{', '.join(detectors)} on {device}, seed {seed}: {scored} and {len(others)} adversarial bags")
     with working_on("loading libraries"):
+        from advpipe.pipeline.cluster.connect import use_cluster
         from advpipe.stages.evaluate.run import evaluate as run
 
     options = Options(
@@ -108,4 +110,5 @@ def evaluate(
         device=device,
         scene=scene,
     )
-    return run(scored, others, target, options, overwrite=overwrite, workers=workers)
+    with use_cluster(cluster, device):
+        return run(scored, others, target, options, overwrite=overwrite, workers=workers)

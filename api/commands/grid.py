@@ -20,6 +20,7 @@ def grid(
     device: str = "cpu",
     keep_bags: bool = False,
     workers: int | None = None,
+    cluster: str | None = None,
     out: PathLike | None = None,
     overwrite: bool = False,
 ) -> GridReport:
@@ -27,8 +28,8 @@ def grid(
 
     file: the grid file. device: where detectors compute, `cpu`, `cuda` or `cuda:N`. keep_bags: keeps the
     adversarial bags, beside the drives. workers: processes, by default one a core; their number changes no
-    byte. out: the folder, by default `grids/<name>`; finished cells in it are kept. overwrite: computes
-    those that other code of advpipe made again.
+    byte. cluster: as `attack` has it. out: the folder, by default `grids/<name>`; finished cells in it are
+    kept. overwrite: computes those that other code of advpipe made again.
 
     Returns the cells of the grid, also in `grid.parquet` and `report.html` of the folder. Raises UsageError
     for a mistake in the file, before the first drive is simulated, and for a folder that is no grid's.
@@ -37,10 +38,12 @@ def grid(
     """
     with working_on("loading libraries"):
         from advpipe.pipeline.campaigns.grid.run import Grid
+        from advpipe.pipeline.cluster.connect import use_cluster
 
     target = None if out is None else Path(out)
     refuse_undecodable(*([] if target is None else [target]))
-    asked = Grid.prepared(
-        Path(file), target, device=device, workers=workers, keep_bags=keep_bags, overwrite=overwrite
-    )
-    return asked.run()
+    with use_cluster(cluster, device):
+        asked = Grid.prepared(
+            Path(file), target, device=device, workers=workers, keep_bags=keep_bags, overwrite=overwrite
+        )
+        return asked.run()

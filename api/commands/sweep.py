@@ -36,6 +36,7 @@ def sweep(
     scale_intensity: float = SweepOptions.scale_intensity,
     keep_bags: bool = SweepOptions.keep_bags,
     workers: int | None = SweepOptions.workers,
+    cluster: str | None = None,
     out: PathLike | None = None,
     overwrite: bool = False,
 ) -> SweepReport:
@@ -72,7 +73,10 @@ def sweep(
         keep_bags=keep_bags,
         workers=workers,
     )
-    return asked.run(overwrite)
+    from advpipe.pipeline.cluster.connect import use_cluster
+
+    with use_cluster(cluster, device):
+        return asked.run(overwrite)
 
 
 def prepared(

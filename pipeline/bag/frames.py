@@ -109,16 +109,18 @@ def refuse_without_ground_truth(
 
 
 def read_frames(
-    path: Path, chosen: FrameSlice = ALL_FRAMES, *, lidar_topic: str | None = None
+    bag: Path | BagReader, chosen: FrameSlice = ALL_FRAMES, *, lidar_topic: str | None = None
 ) -> Iterator[Frame]:
     """The chosen frames in time order, one at a time; clouds in between are not unpacked.
+
+    bag: its path, or the reader of one of which frames are read again and again: it reads the index once.
 
     The ground truth of a cloud is the message with the same header stamp. Its boxes are brought to the
     LiDAR's frame through /tf_static and the true odometry or /tf.
     """
     return (
         Frame(index, scan.stamp_ns, scan.cloud, *_truth(truth, scan.stamp_ns, scan.frame_id))
-        for index, scan, truth in read_clouds(path, chosen, lidar_topic=lidar_topic)
+        for index, scan, truth in read_clouds(bag, chosen, lidar_topic=lidar_topic)
     )
 
 
@@ -134,13 +136,13 @@ CloudWithTruth = tuple[int, StampedCloud, "GroundTruth | None"]
 
 
 def read_clouds(
-    path: Path, chosen: FrameSlice = ALL_FRAMES, *, lidar_topic: str | None = None
+    bag: Path | BagReader, chosen: FrameSlice = ALL_FRAMES, *, lidar_topic: str | None = None
 ) -> Iterator[CloudWithTruth]:
     """The same with the truth in any frame: ask for it before the next cloud is read."""
-    reader = BagReader(path)
+    reader = bag if isinstance(bag, BagReader) else BagReader(bag)
     topic = find_lidar_topic(reader, lidar_topic)
     if not reader.topics[topic].count:
-        raise UsageError(f"{path} holds no LiDAR clouds ({topic} is empty)")
+        raise UsageError(f"{reader.path} holds no LiDAR clouds ({topic} is empty)")
     indices = chosen.indices(reader.topics[topic].count)
     return _clouds(reader, topic, indices)
 

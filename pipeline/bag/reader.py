@@ -44,6 +44,7 @@ class BagReader:
         self.path, self._debug = Path(path), debug
         self._files = [McapFile(file) for file in mcap_files(self.path)]
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
+        self._times_ns: dict[str, npt.NDArray[np.int64]] = {}
         detail(f"opened {self.path}: {', '.join(file.path.name for file in self._files)}")
 
     @cached_property
@@ -98,8 +99,13 @@ class BagReader:
             yield raw.log_time_ns, self.decode(raw)
 
     def log_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
-        """Log times (K,) of a topic's messages, ascending; read from the index, without its messages."""
-        return np.sort(np.concatenate([file.log_times_ns(topic) for file in self._files]), kind="stable")
+        """Log times (K,) of a topic's messages, ascending; read once from the index, without its messages."""
+        if topic not in self._times_ns:
+            times_ns = np.concatenate([file.log_times_ns(topic) for file in self._files])
+            times_ns.sort(kind="stable")
+            times_ns.flags.writeable = False
+            self._times_ns[topic] = times_ns
+        return self._times_ns[topic]
 
     def decode(self, raw: RawMessage) -> Any:
         """The message as a dataclass with the fields of its type as the bag defines it.

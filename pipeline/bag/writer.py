@@ -6,37 +6,33 @@ type hash in the channel metadata, and a version 8 metadata.yaml, which Humble a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from textwrap import indent
 from types import TracebackType
-from typing import IO
 
 import yaml
 
 from advpipe.pipeline.bag.files import METADATA_NAME
-from advpipe.pipeline.bag.provenance import RECORD_NAME, with_checksum
+from advpipe.pipeline.bag.part import BagPart, BagSplit
+from advpipe.pipeline.bag.provenance import with_checksum
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError, os_error_line
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.partial import PartialFolder, final_path
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
 from advpipe.pipeline.mcap.qos import qos_to_yaml
-from advpipe.pipeline.mcap.writer import COMPRESSIONS, McapWriter
+from advpipe.pipeline.mcap.writer import COMPRESSIONS
 from advpipe.pipeline.messages.types import schema_text, serialise, type_hash
 
 FILES_RECORD = "advpipe_files"
 """The metadata record with the SHA-256 of each file beside the bag, by its name; none without such files."""
 
-_qos_text = cache(qos_to_yaml)
-
 
 @dataclass
-class _Channel:
-    id: int
+class _WrittenTopic:
     topic: Topic
     type_hash: str
     count: int = 0
@@ -51,6 +47,7 @@ class BagWriter:
     path: the rosbag2 directory to make. provenance: see `provenance.py`; it leads the file, so that a
     truncated recording still has it. compression: of the chunks, a key of `COMPRESSIONS`. finish: called with
     the folder when the bag in it is whole, before it takes its name; for files that no checksum covers.
+    split: where the bag goes on in another file, NAME_1.mcap, NAME_2.mcap, ...; by default it is one file.
     The bytes written depend on the arguments alone: no clock, no host. They are compressed and written while
     the caller goes on, so the error of a full disk may come some messages late, or at the end of the block.
     """
@@ -63,6 +60,7 @@ class BagWriter:
         overwrite: bool = False,
         compression: str = "zstd",
         finish: Callable[[Path], None] | None = None,
+        split: BagSplit | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise UsageError(f"compression {compression!r} is unknown; use one of {', '.join(COMPRESSIONS)}")
@@ -70,10 +68,9 @@ class BagWriter:
         self._provenance = Provenance(provenance, f"{path}: the provenance record")
         self._overwrite = overwrite
         self._compression, self._finish_folder = compression, finish
-        self._channels: dict[str, _Channel] = {}
-        self._schema_ids: dict[tuple[str, str], int] = {}
-        self._first_ns: int | None = None
-        self._last_ns = 0
+        self._split = split or BagSplit()
+        self._topics: dict[str, _WrittenTopic] = {}
+        self._parts: list[BagPart] = []
         self._refuse_existing()
 
     def __enter__(self) -> BagWriter:
@@ -81,9 +78,7 @@ class BagWriter:
         with self._disk_errors():
             self._folder = PartialFolder(self.path)
             try:
-                self._file: IO[bytes] = (self._folder.path / self._file_name).open("wb")
-                self._mcap = McapWriter(self._file, self._compression)
-                self._mcap.add_metadata(RECORD_NAME, with_checksum(self._provenance))
+                self._begin_part()
             except BaseException:
                 self._folder.discard()
                 raise
@@ -119,73 +114,68 @@ class BagWriter:
 
     def write_cdr(self, topic: Topic, cdr: bytes, stamp_ns: int) -> None:
         """Append a message that is serialised already."""
-        channel = self._channel(topic, schema_text(topic.type), "ros2msg", type_hash(topic.type))
-        self._append(channel, cdr, stamp_ns, stamp_ns, channel.count)
+        written = self._written(topic, type_hash(topic.type))
+        raw = RawMessage(topic, schema_text(topic.type), cdr, stamp_ns, stamp_ns, written.count)
+        self._append(written, raw)
 
     def copy(self, raw: RawMessage) -> None:
         """Append a message of another bag as it is: same bytes, times and sequence number."""
-        channel = self._channel(raw.topic, raw.schema, raw.schema_encoding, raw.topic.type_hash)
-        self._append(channel, raw.cdr, raw.log_time_ns, raw.publish_time_ns, raw.sequence)
+        self._append(self._written(raw.topic, raw.topic.type_hash), raw)
 
     def add_metadata(self, name: str, record: Mapping[str, str]) -> None:
         """Keep a metadata record, such as one of another tool's, beside those that every bag has."""
         with self._disk_errors():
-            self._mcap.add_metadata(name, record)
+            self._parts[-1].mcap.add_metadata(name, record)
 
-    def _append(self, channel: _Channel, cdr: bytes, log_ns: int, publish_ns: int, sequence: int) -> None:
-        if not 0 <= log_ns < 2**63:
+    def _append(self, written: _WrittenTopic, raw: RawMessage) -> None:
+        if not 0 <= raw.log_time_ns < 2**63:
             raise AdvpipeError(
-                f"{channel.topic.name}: the time stamp {log_ns} ns is outside the range that a bag can hold"
+                f"{written.topic.name}: the time stamp {raw.log_time_ns} ns is outside the range that a bag "
+                "can hold"
             )
         with self._disk_errors():
-            self._mcap.add_message(channel.id, log_ns, cdr, publish_ns, sequence)
-        channel.count += 1
-        self._first_ns = log_ns if self._first_ns is None else min(self._first_ns, log_ns)
-        self._last_ns = max(self._last_ns, log_ns)
+            if self._parts[-1].is_full(self._split, raw.log_time_ns, len(raw.cdr)):
+                self._parts[-1].finish(_single_lines(self._information()))
+                self._begin_part()
+            self._parts[-1].add(raw, written.type_hash)
+        written.count += 1
 
-    def _channel(self, topic: Topic, schema: str, encoding: str, type_hash: str) -> _Channel:
-        channel = self._channels.get(topic.name)
-        if channel is None:
-            if (schema_id := self._schema_ids.get((topic.type, schema))) is None:
-                schema_id = self._mcap.add_schema(topic.type, encoding, schema.encode())
-                self._schema_ids[topic.type, schema] = schema_id
-            metadata = {"offered_qos_profiles": _qos_text(topic.qos), "topic_type_hash": type_hash}
-            channel_id = self._mcap.add_channel(topic.name, schema_id, metadata)
-            channel = self._channels[topic.name] = _Channel(channel_id, topic, type_hash)
-        elif channel.topic.type != topic.type:
+    def _begin_part(self) -> None:
+        path = self._folder.path / f"{self.path.name}_{len(self._parts)}.mcap"
+        self._parts.append(BagPart(path, self._compression, with_checksum(self._provenance)))
+
+    def _written(self, topic: Topic, type_hash: str) -> _WrittenTopic:
+        written = self._topics.get(topic.name)
+        if written is None:
+            written = self._topics[topic.name] = _WrittenTopic(topic, type_hash)
+        elif written.topic.type != topic.type:
             raise AdvpipeError(
-                f"{topic.name} already holds {channel.topic.type}; {topic.type} needs another topic"
+                f"{topic.name} already holds {written.topic.type}; {topic.type} needs another topic"
             )
-        return channel
+        return written
 
     def _finish(self) -> None:
         if beside := self._files_beside():
-            self._mcap.add_metadata(FILES_RECORD, beside)
+            self._parts[-1].mcap.add_metadata(FILES_RECORD, beside)
         information = _single_lines(self._information())
-        self._mcap.add_metadata("rosbag2", {"serialized_metadata": information})
-        self._mcap.finish()
-        self._file.close()
+        self._parts[-1].finish(information)
         metadata = f"rosbag2_bagfile_information:\n{indent(information, '  ')}"
         (self._folder.path / METADATA_NAME).write_text(metadata, encoding="utf-8")
 
     def _files_beside(self) -> dict[str, str]:
         """The checksums of the files that were put into `folder`: labels, the attack's request."""
+        own = [part.path for part in self._parts]
         return {
             path.name: sha256_of(path)
             for path in sorted(self.folder.iterdir())
-            if path.is_file() and not path.name.startswith(".") and path.name != self._file_name
+            if path.is_file() and not path.name.startswith(".") and path not in own
         }
 
     def _discard(self) -> None:
         try:
-            self._mcap.abort()
+            self._parts[-1].abort()
         finally:
-            self._remove()
-
-    def _remove(self) -> None:
-        with suppress(OSError):  # a full disk: what the buffer still holds is lost with the folder
-            self._file.close()
-        self._folder.discard()
+            self._folder.discard()
 
     def _refuse_existing(self) -> None:
         if not self.path.exists():
@@ -196,10 +186,6 @@ class BagWriter:
             raise UsageError(
                 f"{self.path} is not a rosbag2 directory and is not replaced; choose another name"
             )
-
-    @property
-    def _file_name(self) -> str:
-        return f"{self.path.name}_0.mcap"
 
     @contextmanager
     def _disk_errors(self) -> Iterator[None]:
@@ -216,35 +202,38 @@ class BagWriter:
         return {
             "version": 8,
             "storage_identifier": "mcap",
-            **self._span(),
+            **_span(self._parts),
             "topics_with_message_count": [
                 {
                     "topic_metadata": {
-                        "name": channel.topic.name,
-                        "type": channel.topic.type,
+                        "name": written.topic.name,
+                        "type": written.topic.type,
                         "serialization_format": "cdr",
-                        "offered_qos_profiles": _qos_text(channel.topic.qos),
-                        "type_description_hash": channel.type_hash,
+                        "offered_qos_profiles": qos_to_yaml(written.topic.qos),
+                        "type_description_hash": written.type_hash,
                     },
-                    "message_count": channel.count,
+                    "message_count": written.count,
                 }
-                for channel in self._channels.values()
+                for written in self._topics.values()
             ],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [self._file_name],
-            "files": [{"path": self._file_name, **self._span()}],
+            "relative_file_paths": [part.path.name for part in self._parts],
+            "files": [{"path": part.path.name, **_span([part])} for part in self._parts],
             "custom_data": {},
             "ros_distro": "advpipe",
         }
 
-    def _span(self) -> dict[str, object]:
-        start_ns = self._first_ns or 0
-        return {
-            "duration": {"nanoseconds": self._last_ns - start_ns},
-            "starting_time": {"nanoseconds_since_epoch": start_ns},
-            "message_count": sum(channel.count for channel in self._channels.values()),
-        }
+
+def _span(parts: Sequence[BagPart]) -> dict[str, object]:
+    """Start, duration and number of messages of some files together."""
+    starts = [part.first_ns for part in parts if part.first_ns is not None]
+    start_ns, end_ns = min(starts, default=0), max((part.last_ns for part in parts), default=0)
+    return {
+        "duration": {"nanoseconds": end_ns - start_ns},
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "message_count": sum(part.count for part in parts),
+    }
 
 
 def _is_bag(path: Path) -> bool:

@@ -11,6 +11,7 @@ import typer
 from advpipe.pipeline.cli.completion import attack_names, recipe_names
 from advpipe.pipeline.cli.shared import (
     Answer,
+    Cluster,
     DetectorName,
     Device,
     Level,
@@ -68,6 +69,7 @@ def attack_command(
     scale_intensity: ScaleIntensity = AttackOptions.scale_intensity,
     seed: Annotated[int, cli_option(AttackOptions, "seed")] = AttackOptions.seed,
     workers: Workers = None,
+    cluster: Cluster = None,
     debug: Annotated[bool, cli_option(AttackOptions, "debug", "--debug/--no-debug")] = AttackOptions.debug,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Adversarial bag.", show_default="beside the clean one")
@@ -102,6 +104,7 @@ def attack_command(
         scale_intensity=scale_intensity,
         seed=seed,
         workers=workers,
+        cluster=cluster,
         debug=debug,
         out=out,
         overwrite=overwrite,

@@ -13,6 +13,7 @@ from advpipe.pipeline.cli.completion import attack_check_names, defence_names, d
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
+    Cluster,
     Device,
     Level,
     LidarHeight,
@@ -76,6 +77,7 @@ def evaluate_command(
     with_clouds: Annotated[bool, cli_option(Options, "with_clouds", "--with-clouds")] = False,
     scene: Annotated[bool, cli_option(Options, "scene")] = Options.scene,
     workers: Workers = None,
+    cluster: Cluster = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Report folder.", show_default="reports/ of the data set"),
@@ -105,6 +107,7 @@ def evaluate_command(
         with_clouds=with_clouds,
         scene=scene,
         workers=workers,
+        cluster=cluster,
         out=out,
         overwrite=overwrite,
     )

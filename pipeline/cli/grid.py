@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from advpipe.pipeline.cli.shared import Answer, Device, Workers
+from advpipe.pipeline.cli.shared import Answer, Cluster, Device, Workers
 from advpipe.pipeline.core.progress import with_progress
 
 
@@ -17,6 +17,7 @@ def grid_command(
     device: Device = "cpu",
     keep_bags: Annotated[bool, typer.Option("--keep-bags", help="Keep the adversarial bags.")] = False,
     workers: Workers = None,
+    cluster: Cluster = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder.", show_default="grids/<name>")
     ] = None,
@@ -31,6 +32,14 @@ def grid_command(
     """
     from advpipe.commands.grid import grid
 
-    report = grid(file, device=device, keep_bags=keep_bags, workers=workers, out=out, overwrite=overwrite)
+    report = grid(
+        file,
+        device=device,
+        keep_bags=keep_bags,
+        workers=workers,
+        cluster=cluster,
+        out=out,
+        overwrite=overwrite,
+    )
     document = {"report": report.page, "table": report.table, "rows": report.to_dicts()}
     return Answer(document, report.show, made={"report": report.page, "table": report.table})

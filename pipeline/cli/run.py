@@ -12,6 +12,7 @@ from advpipe.pipeline.cli.completion import scenario_names
 from advpipe.pipeline.cli.evaluate import evaluated
 from advpipe.pipeline.cli.shared import (
     Answer,
+    Cluster,
     DetectorName,
     Device,
     Level,
@@ -46,6 +47,7 @@ def run(
     detector: DetectorName = "small",
     device: Device = "cpu",
     workers: Workers = None,
+    cluster: Cluster = None,
     lidar_height_m: LidarHeight = None,
     level: Level = False,
     scale_intensity: ScaleIntensity = 1.0,
@@ -63,6 +65,7 @@ def run(
 
     with working_on("loading libraries"):
         from advpipe.pipeline.campaigns.run import Campaign, mistakes_of_attacks
+        from advpipe.pipeline.cluster.connect import use_cluster
         from advpipe.pipeline.detector.adaptation import Adaptation
 
     with as_usage_error():
@@ -79,7 +82,8 @@ def run(
             overwrite=overwrite,
         )
     refuse_undecodable(folder)
-    drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
+    with use_cluster(cluster, device):
+        drive, *attacks, scored = (show_part(_answer(part)) for part in campaign.run())
     document = {"data_set": folder, "drive": drive, "attacks": attacks, "evaluation": scored}
     report = Path(scored["report"])
     figures = typed("figures", report.parent if report.suffix else report)

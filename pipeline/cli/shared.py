@@ -40,6 +40,26 @@ def flag_of(name: str) -> str:
 
 LidarTopic = Annotated[str | None, cli_option(Options, "lidar_topic", "--lidar")]
 Workers = Annotated[int | None, cli_option(SweepOptions, "workers", "--workers", show_default="one a core")]
+
+
+def _without_job_server(context: typer.Context, address: str | None) -> str | None:
+    """RAY_ADDRESS may also name the server that jobs are submitted to: it is no cluster's address."""
+    source = context.get_parameter_source("cluster")
+    is_from_environment = source is not None and source.name == "ENVIRONMENT"
+    return None if address and is_from_environment and address.startswith("http") else address
+
+
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        envvar="RAY_ADDRESS",
+        callback=_without_job_server,
+        help="Work on a Ray cluster: host:port, or auto for the one on this machine.",
+        show_default=False,
+    ),
+]
+"""The cluster that does the work, see `use_cluster`."""
 BaselineTries = Annotated[
     int | None,
     cli_option(

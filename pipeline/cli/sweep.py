@@ -13,6 +13,7 @@ from advpipe.pipeline.cli.completion import sweep_recipes, words_of
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
+    Cluster,
     DetectorName,
     Device,
     Level,
@@ -61,6 +62,7 @@ def sweep_command(
         typer.Option(min=1, help="Only compute so many finished cells again, drawn by --seed, and compare."),
     ] = None,
     workers: Workers = None,
+    cluster: Cluster = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Folder.", show_default="reports/sweep-<detector> of the data set"),
@@ -73,6 +75,7 @@ def sweep_command(
     recipes, with frames of their own, may be added to the same output later.
     """
     from advpipe.commands.sweep import prepared
+    from advpipe.pipeline.cluster.connect import use_cluster
 
     asked = prepared(
         bag,
@@ -93,9 +96,10 @@ def sweep_command(
         keep_bags=keep_bags,
         workers=workers,
     )
-    if check is not None:
-        return Answer({"checked": asked.check(check)}, lambda: None)
-    report = asked.run(overwrite)
+    with use_cluster(cluster, device):
+        if check is not None:
+            return Answer({"checked": asked.check(check)}, lambda: None)
+        report = asked.run(overwrite)
     page, figures = report.folder / "report.html", report.folder / "report.json"
     document = json.loads(figures.read_text(encoding="utf-8"))
 

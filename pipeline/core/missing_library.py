@@ -46,7 +46,13 @@ PIP_PACKAGES = {
 }
 """Packages on PyPI whose modules have another name."""
 
-EXTRAS = {"carla": "carla", "cryptography": "sign", "cyclonedds": "ros2", "foxglove": "foxglove"}
+EXTRAS = {
+    "carla": "carla",
+    "cryptography": "sign",
+    "cyclonedds": "ros2",
+    "foxglove": "foxglove",
+    "ray": "cluster",
+}
 """Modules that are installed only with an extra of advpipe."""
 
 _ABSENT = re.compile(r"([^\s:]+): cannot open shared object file: No such file or directory")

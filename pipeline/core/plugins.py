@@ -7,11 +7,12 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from advpipe.pipeline.core.code import PACKAGE
 from advpipe.pipeline.core.errors import AdvpipeError
 
-Work = Callable[[int], None]
+T = TypeVar("T")
 
 _FOREIGN_FOLDERS = (
     *(PACKAGE / folder for folder in ("pipeline", "stages")),
@@ -31,14 +32,16 @@ def user_class(instance: object) -> tuple[str, ...]:
     return () if cls.__module__.startswith("advpipe.") else (f"{cls.__module__}:{cls.__qualname__}",)
 
 
-def with_plugin_errors(prepare: Callable[[], Work], plugins: Sequence[str]) -> Work:
+def with_plugin_errors(
+    prepare: Callable[[], Callable[[int], T]], plugins: Sequence[str]
+) -> Callable[[int], T]:
     """The function that `prepare` returns, with exceptions in plug-ins raised as by `plugin_errors`."""
     with plugin_errors(plugins):
         work = prepare()
 
-    def work_with_errors(job: int) -> None:
+    def work_with_errors(job: int) -> T:
         with plugin_errors(plugins):
-            work(job)
+            return work(job)
 
     return work_with_errors
 

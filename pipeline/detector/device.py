@@ -8,6 +8,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.job_engine import runs_elsewhere
 from advpipe.pipeline.core.option_names import option_name
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ def open_device(name: str) -> torch.device:
     if name == CPU:
         return torch.device(CPU)
     count, index = torch.cuda.device_count() if torch.cuda.is_available() else 0, int(known[1] or 0)
+    if not count and runs_elsewhere():
+        return torch.device(CPU)  # the GPUs are the cluster's: here, detectors only say what they are
     if not count:
         build = torch.__version__
         raise UsageError(

@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import IO
 
@@ -148,10 +148,8 @@ class McapFile:
         """Decompress each chunk when its first message is due; until then, a heap holds its index entry."""
         waiting: list[tuple[int, int, int, ChunkIndex | RawMessage]] = [
             (chunk.message_start_time, chunk.chunk_start_offset, -1, chunk)
-            for chunk in self._summary.chunk_indexes
-            if chunk.message_end_time >= first_ns
-            and chunk.message_start_time <= last_ns
-            and not ids.isdisjoint(chunk.message_index_offsets)
+            for chunk in self._chunks_within(first_ns, last_ns)
+            if not ids.isdisjoint(chunk.message_index_offsets)
         ]
         heapq.heapify(waiting)
         held_bytes, budget = 0, self._budget()
@@ -169,6 +167,20 @@ class McapFile:
                 held_bytes += len(raw.cdr) + MESSAGE_BYTES
                 if held_bytes > WAITING_LIMIT_BYTES:
                     raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages are out of order")
+
+    def _chunks_within(self, first_ns: int, last_ns: int) -> list[ChunkIndex]:
+        """The chunks with messages of this span; in a recording of an hour, one of tens of thousands."""
+        starts_ns, ends_ns = self._chunk_times_ns
+        first, last = np.uint64(max(first_ns, 0)), np.uint64(min(last_ns, 2**64 - 1))
+        is_within = (ends_ns >= first) & (starts_ns <= last)
+        return [self._summary.chunk_indexes[place] for place in np.flatnonzero(is_within)]
+
+    @cached_property
+    def _chunk_times_ns(self) -> npt.NDArray[np.uint64]:
+        """The first and the last log time of each chunk (2, C)."""
+        chunks = self._summary.chunk_indexes
+        times_ns = [(chunk.message_start_time, chunk.message_end_time) for chunk in chunks]
+        return np.array(times_ns, np.uint64).reshape(-1, 2).T
 
     def _in_file_order(
         self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from advpipe.pipeline.core.nearest import known_names
-from advpipe.pipeline.core.section import Implementation, Name, Section, Switch
+from advpipe.pipeline.core.section import Implementation, Name, Positive, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.carla import Carla
 from advpipe.pipeline.scenario.environment import Environment
@@ -40,14 +40,20 @@ class Recording(Section):
         "advpipe",
         description="names of the topics that `play` and `simulate --live` publish; the bag keeps advpipe's",
     )
+    split_s: Positive | None = Field(
+        None, description="length of each file of the bag in simulated seconds; null: the bag is one file"
+    )
+    split_mb: Positive | None = Field(
+        None, description="most megabytes of messages in each file, before compression; null: no limit"
+    )
 
     @model_serializer(mode="wrap")
     def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without names that are advpipe's own: older drives are recorded with the same bytes."""
+        """Without limits that are not set, and names that are advpipe's own: older drives are recorded with
+        the same bytes."""
         tree: dict[str, Any] = handler(self)
-        if self.names == "advpipe":
-            del tree["names"]
-        return tree
+        unused = {"names": "advpipe", "split_s": None, "split_mb": None}
+        return {key: each for key, each in tree.items() if key not in unused or each != unused[key]}
 
 
 class Scenario(Section):

@@ -1,4 +1,4 @@
-"""The work of one process: it attacks clouds of a bag, one by one or in batches, and stores each result."""
+"""The work of one process: it attacks clouds of a bag, one by one or in batches."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
 from advpipe.pipeline.detector.batching import run_batched
@@ -20,7 +21,6 @@ from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.clouds import AttackedCloud
-from advpipe.stages.attack.job import Job
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.build import adaptation_of, build_lidar_attack
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
@@ -29,6 +29,9 @@ from advpipe.stages.attack.parameters import resolved_recipe
 
 Group = tuple[int, ...]
 """Clouds that are attacked at once, by their places in the plan."""
+
+GroupResults = list[tuple[int, LidarResult]]
+"""The results of a group's clouds, each with its place in the plan."""
 
 
 def groups_of(clouds: Sequence[AttackedCloud], at_once: int) -> list[Group]:
@@ -44,9 +47,9 @@ def groups_of(clouds: Sequence[AttackedCloud], at_once: int) -> list[Group]:
     return groups
 
 
-def unfinished(groups: Sequence[Group], job: Job) -> list[int]:
+def unfinished(groups: Sequence[Group], done: frozenset[int]) -> list[int]:
     """The groups that hold a cloud that is not done, by their places."""
-    return [n for n, group in enumerate(groups) if any(job.load(place) is None for place in group)]
+    return [n for n, group in enumerate(groups) if not done.issuperset(group)]
 
 
 def cloud_attacker(
@@ -55,15 +58,16 @@ def cloud_attacker(
     clouds: Sequence[AttackedCloud],
     groups: Sequence[Group],
     seed: int,
-    job: Job,
+    done: frozenset[int],
     device: str = CPU,
-) -> Callable[[int], None]:
-    """Attacks one of the groups, named by its place in the sequence, and stores the results in the job.
+) -> Callable[[int], GroupResults]:
+    """Attacks one of the groups, named by its place in the sequence; of several clouds, those not `done`.
 
     A group of several is done as a whole, also where some of it was done before, if the detector takes
     batches; else cloud by cloud. Several processes may share a GPU: each is started anew and has a CUDA
     context of its own.
     """
+    reader = BagReader(clean)
     detectors = {spec.detector: load_detector(spec.detector, device) for spec in attacks}
 
     @cache
@@ -75,7 +79,7 @@ def cloud_attacker(
         cloud = clouds[place]
         spec = attacks[cloud.attack]
         only = FrameSlice(cloud.frame, cloud.frame + 1)
-        (frame,) = read_frames(clean, only, lidar_topic=cloud.topic)
+        (frame,) = read_frames(reader, only, lidar_topic=cloud.topic)
         named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
         recipe = resolved_recipe(spec, LIDAR_ATTACKS.find(spec.type))
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
@@ -87,7 +91,7 @@ def cloud_attacker(
         refuse_out_of_bounds(spec.type, attack, frame.cloud, result)
         return result
 
-    def attack_group(number: int) -> None:
+    def attack_group(number: int) -> GroupResults:
         places = groups[number]
         attack = clouds[places[0]].attack
         detector = detectors[attacks[attack].detector]
@@ -97,11 +101,11 @@ def cloud_attacker(
                     partial(attack_cloud, place, attacker(attack, member))
                     for member, place in enumerate(places)
                 ]
-                for place, result in zip(places, run_batched(detector, works), strict=True):
-                    job.store(place, result)
-                return
-            for place in places:
-                if job.load(place) is None:
-                    job.store(place, attack_cloud(place, attacker(attack, 0), detector))
+                return [*zip(places, run_batched(detector, works), strict=True)]
+            return [
+                (place, attack_cloud(place, attacker(attack, 0), detector))
+                for place in places
+                if place not in done
+            ]
 
     return attack_group

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from advpipe.pipeline.bag.lidar_notice import notice_default_lidar
 from advpipe.pipeline.bag.locate import resolve_bag
+from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.jobs import run_jobs
+from advpipe.pipeline.core.job_engine import runs_elsewhere
+from advpipe.pipeline.core.jobs import stream_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import notice
@@ -84,7 +87,8 @@ def attack(
         _check_detectors(reader, request)
     provenance = job_provenance(reader, request)
     # Made here, as it refuses a bad output at once.
-    writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts)
+    split = BagSplit.of(reader.provenance)
+    writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts, split=split)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
     gnss, v2x, radar = request.of("gnss"), request.of("v2x"), request.of("radar")
@@ -131,17 +135,24 @@ def _check_detectors(reader: BagReader, request: AttackRequest) -> None:
 def _attack_clouds(
     clean: Path, plan: CloudPlan, request: AttackRequest, job: Job, workers: int | None
 ) -> None:
-    """Attack the clouds that the job lacks; batches in one process, unless more workers are requested."""
+    """Attack the clouds that the job lacks; batches in one process, unless more workers are requested.
+
+    Each result is stored here as soon as it comes, so that the workers need not see the job's folder.
+    """
     at_once = frames_at_once(request.device)
     groups = groups_of(plan.attacked, at_once)
+    done = frozenset(place for place in range(len(plan.attacked)) if job.load(place) is not None)
     attacker = partial(
-        cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, job, request.device
+        cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, done, request.device
     )
     if own := plugin_names(name for spec in request.lidar for name in (spec.type, spec.detector)):
         attacker = partial(with_plugin_errors, attacker, own)
-    if at_once > 1:
+    if at_once > 1 and not runs_elsewhere():
         workers = workers or 1
-    run_jobs(attacker, unfinished(groups, job), CLOUDS, workers)
+    with closing(stream_jobs(attacker, unfinished(groups, done), CLOUDS, workers)) as finished:
+        for _, results in finished:
+            for place, result in results:
+                job.store(place, result)
 
 
 def _plan(reader: BagReader, request: AttackRequest) -> CloudPlan | None:

@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.provenance import clean_provenance
 from advpipe.pipeline.bag.summary import BagSummary
 from advpipe.pipeline.bag.writer import BagWriter
@@ -124,13 +125,17 @@ def simulate(
                 setting = _Setting(roads, build_world(scenario, roads, variants), variants)
                 prepared = open_traffic(scenario, roads, variants, scratch)
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
-        compression = scenario.recording.compression
+        recording = scenario.recording
         with (
             gc_frozen(),
             setting.world if isinstance(setting.world, SteppedWorld) else nullcontext(),
             prepared as traffic,
             BagWriter(
-                folder / "clean", provenance=provenance, compression=compression, finish=write_layouts
+                folder / "clean",
+                provenance=provenance,
+                compression=recording.compression,
+                finish=write_layouts,
+                split=BagSplit(recording.split_s, recording.split_mb),
             ) as writer,
         ):
             tally, v2x = _drive(scenario, setting, traffic, Recorder(scenario, writer, stream))

@@ -17,7 +17,7 @@ from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.core import signals
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.jobs import usable_cores
+from advpipe.pipeline.core.local_processes import usable_cores
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.core.text import counted

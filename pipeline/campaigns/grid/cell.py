@@ -42,7 +42,8 @@ class GridValues(Document):
     """The figures of a stratum of the objects of a cell; None for one that is undefined or not computed.
 
     map_clean, map_adv, map_baseline: strict R40, in [0, 1], under the cell's defence. map_ratio_percent: with
-    the interval over blocks of the drive. baseline: the random baseline to beat.
+    the interval over blocks of the drive. baseline: the random baseline to beat. From position_rmse_clean_m
+    on: of a vehicle, under attacks on fixes or messages, see `messages.score_messages`.
     """
 
     stratum: ShortText
@@ -60,6 +61,19 @@ class GridValues(Document):
     points_removed: Count | None = None
     points_added: Count | None = None
     points_moved: Count | None = None
+    position_rmse_clean_m: Number | None = None
+    position_rmse_adv_m: Number | None = None
+    fixes_detected_percent: Number | None = None
+    off_course_percent: Number | None = None
+    false_messages: Count | None = None
+    misbehaviour_f1: Number | None = None
+    misbehaviour_recall: Number | None = None
+    ldm_error_clean_m: Number | None = None
+    ldm_error_adv_m: Number | None = None
+    false_ldm_entries: Number | None = None
+    honest_delivered_clean_percent: Number | None = None
+    honest_delivered_percent: Number | None = None
+    false_warnings: Count | None = None
 
 
 class StoredGridCell(Document):
@@ -76,7 +90,10 @@ class StoredGridCell(Document):
 
 @dataclass(frozen=True)
 class GridCell:
-    """A cell that may not have been run yet; attack and detector as the grid names them."""
+    """A cell that may not have been run yet; attack and detector as the grid names them.
+
+    detector: "" for attacks that leave clouds as they are.
+    """
 
     drive: GridDrive
     attack: str
@@ -95,7 +112,7 @@ class GridCell:
                 | {"detector": Path(spec.detector).name, "detector_sha256": sha256_of[spec.detector]}
                 for spec in grid.attacks[self.attack]
             ],
-            "detector_sha256": sha256_of[self.detector],
+            "detector_sha256": sha256_of.get(self.detector, ""),
             "detector": Path(self.detector).name,
             "defence": self.defence,
             "frames": grid.frames,

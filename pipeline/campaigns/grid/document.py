@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from advpipe.pipeline.campaigns.grid.cell import WHOLE, GridOrigin, GridValues, ScoredCell
+from advpipe.pipeline.campaigns.grid.message_tables import message_tables
 from advpipe.pipeline.campaigns.grid.models import GridFile
 from advpipe.pipeline.campaigns.grid.pictures import grid_pictures
 from advpipe.pipeline.campaigns.grid.score import RANGES
@@ -36,7 +37,8 @@ def write_grid(
     pq.write_table(grid_table(grid, cells), sink)
     write_atomically(folder / "grid.parquet", sink.getvalue())
     groups = groups_of_cells(cells)
-    pictures = grid_pictures(grid, groups)
+    of_clouds = [group for group in groups if group.key[2]]
+    pictures = grid_pictures(grid, of_clouds) if of_clouds else []
     (folder / "figures").mkdir(exist_ok=True)
     for picture in pictures:
         for name, content in picture.files.items():
@@ -47,8 +49,8 @@ def write_grid(
         title=title,
         warnings=warnings,
         caveats=grid_caveats(grid),
-        tables=[ratio_table(grid, groups)],
-        details=[range_table(grid, groups)],
+        tables=[*([ratio_table(grid, of_clouds)] if of_clouds else []), *message_tables(grid, groups)],
+        details=[range_table(grid, of_clouds)] if of_clouds else [],
         pictures=pictures,
         formulas={key: FORMULAS[key] for key in _SHOWN},
         command=json.dumps(grid.model_dump(mode="json", exclude_defaults=True), indent=1),
@@ -141,7 +143,9 @@ def grid_provenance(grid: GridFile, cells: Sequence[ScoredCell]) -> dict[str, An
         "commits": sorted({origin.commit for origin in origins if origin.commit}),
         "advpipe": sorted({origin.advpipe for origin in origins}),
         "code_sha256": sorted({origin.code_sha256 for origin in origins}),
-        "detectors_sha256": {each.cell.detector: each.stored.origin.detector_sha256 for each in cells},
+        "detectors_sha256": {
+            each.cell.detector: each.stored.origin.detector_sha256 for each in cells if each.cell.detector
+        },
         "drives": {
             each.cell.drive.id: {
                 "levels": dict(each.cell.drive.levels),
@@ -161,7 +165,11 @@ def print_grid(grid: GridFile, cells: Sequence[ScoredCell], warnings: Sequence[s
     console = plain_console()
     for warning in warnings:
         console.print(warning, style="bold yellow", highlight=False, markup=False)
-    console.print(rich_table(_for_terminal(ratio_table(grid, groups_of_cells(cells)))))
+    groups = groups_of_cells(cells)
+    if of_clouds := [group for group in groups if group.key[2]]:
+        console.print(rich_table(_for_terminal(ratio_table(grid, of_clouds))))
+    for table in message_tables(grid, groups):
+        console.print(rich_table(table))
     for caveat in grid_caveats(grid):
         console.print(caveat, highlight=False, markup=False)
 

@@ -21,7 +21,6 @@ from advpipe.pipeline.scenario import Scenario, dump_scenario, load_scenario
 from advpipe.pipeline.scenario.document import DocumentError, ScenarioText, read_document
 from advpipe.pipeline.scenario.mistake import Mistake
 from advpipe.pipeline.scenario.mistakes import mistakes_line, schema_mistakes
-from advpipe.stages.attack.registry import find_attack
 
 Levels = Mapping[str, Any]
 """By factor, the label of its level: a number or a text."""
@@ -89,11 +88,8 @@ def _validated(path: Path, document: ScenarioText) -> GridFile:
 def _further_mistakes(grid: GridFile) -> Iterator[Mistake]:
     """What the schema cannot know: unknown attacks, parameters and defences."""
     for name, specs in grid.attacks.items():
-        found = [*mistakes_of_attacks(specs, None)]
-        for number, text in found:
+        for number, text in mistakes_of_attacks(specs, None):
             yield ("attacks", name, *(() if number is None else (str(number),))), text
-        if not found and all(find_attack(spec.type).family != "lidar" for spec in specs):
-            yield ("attacks", name), "leaves clouds as they are; a grid scores detection on attacked clouds"
     for number, defence in enumerate(grid.defences):
         if defence == UNDEFENDED:
             continue

@@ -46,7 +46,7 @@ class GridFile(Section):
     seeds: tuple[Seed, ...] = Field(
         (1,), min_length=1, max_length=MOST_SEEDS, description="seeds: one drive of each, for each level"
     )
-    attacks: Attacks = Field(min_length=1, description="attacks on clouds by name, as in a scenario")
+    attacks: Attacks = Field(min_length=1, description="attacks by name, as in a scenario")
     detectors: tuple[str, ...] = Field(("small",), min_length=1, max_length=100)
     defences: tuple[Reference, ...] = Field(
         (UNDEFENDED,), min_length=1, max_length=100, description="none, or NAME[:parameters]"

@@ -45,14 +45,15 @@ def grid_pictures(grid: GridFile, groups: Sequence[GridGroup]) -> list[ReportPic
 def draw_heat_map(grid: GridFile, groups: Sequence[GridGroup]) -> Figure:
     """mAP ratios of one detector: a line for each attack and defence, a column for each combination of
     levels."""
-    lines = [f"{attack}{_under(defence)}" for attack, defence in product(grid.attacks, grid.defences)]
+    attacks = list(dict.fromkeys(group.key[1] for group in groups))
+    lines = [f"{attack}{_under(defence)}" for attack, defence in product(attacks, grid.defences)]
     labels = list(product(*([label for label, _ in grid.levels(factor)] for factor in grid.factors)))
     columns = ["\n".join(map(str, each)) or "all drives" for each in labels]
     by_key = {(group.key[0], group.key[1], group.key[3]): group.ratio() for group in groups}
     values = np.array(
         [
             [by_key[levels, attack, defence].percent for levels in labels]
-            for attack, defence in product(grid.attacks, grid.defences)
+            for attack, defence in product(attacks, grid.defences)
         ]
     )
     figure = Figure(

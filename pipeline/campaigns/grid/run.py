@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 from advpipe.pipeline.bag.provenance import parent_sha256
@@ -11,6 +12,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.grid.cell import GridCell, GridOrigin, ScoredCell, StoredGridCell
 from advpipe.pipeline.campaigns.grid.document import print_grid, write_grid
 from advpipe.pipeline.campaigns.grid.load import GridDrive, LoadedGrid, load_grid
+from advpipe.pipeline.campaigns.grid.messages import MESSAGE_CODE, leaves_clouds, score_messages
 from advpipe.pipeline.campaigns.grid.models import UNDEFENDED
 from advpipe.pipeline.campaigns.grid.score import score_bag
 from advpipe.pipeline.campaigns.grid.store import GridStore, other_drive
@@ -26,6 +28,7 @@ from advpipe.pipeline.core.verbosity import print_result
 from advpipe.pipeline.core.versions import installed
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.process.folder import working_path
+from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.options import Options
 from advpipe.stages.evaluate.training_map import map_status
@@ -82,12 +85,14 @@ class Grid:
     def cells(self, drive: GridDrive) -> list[GridCell]:
         """The cells of a drive."""
         grid = self.loaded.file
-        return [
-            GridCell(drive, attack, detector, defence)
-            for attack in grid.attacks
-            for detector in grid.detectors
-            for defence in grid.defences
-        ]
+        cells = []
+        for name, specs in grid.attacks.items():
+            if leaves_clouds(specs):
+                cells.append(GridCell(drive, name, "", UNDEFENDED))
+                continue
+            for detector, defence in product(grid.detectors, grid.defences):
+                cells.append(GridCell(drive, name, detector, defence))
+        return cells
 
     def run(self) -> GridReport:
         """Run the missing cells, and write grid.parquet and report.html of all."""
@@ -97,7 +102,7 @@ class Grid:
             for drive in self.loaded.drives
         }
         count = sum(map(len, missing.values()))
-        total = self.loaded.file.cells
+        total = sum(len(self.cells(drive)) for drive in self.loaded.drives)
         print_result(f"{counted(total, 'cell')} of {counted(len(missing), 'drive')}: {total - count} kept")
         plan_progress({**{name: 10.0 for name, cells in missing.items() if cells}, WRITING_GRID: 1})
         for drive in self.loaded.drives:
@@ -119,7 +124,7 @@ class Grid:
         for name in dict.fromkeys(cell.attack for cell in missing):
             with working_on(name):
                 bag = self._attack(drive, name, data_set)
-                for detector in self.loaded.file.detectors:
+                for detector in ("", *self.loaded.file.detectors):
                     cells = [each for each in missing if (each.attack, each.detector) == (name, detector)]
                     if cells:
                         self._score(data_set / "clean", bag, cells, clean_sha256)
@@ -145,6 +150,8 @@ class Grid:
         grid, clean, bag = self.loaded.file, data_set / "clean", data_set / name
         specs = tuple(
             spec.model_copy(update={"frames": grid.frames, "lidar": spec.lidar or grid.lidar})
+            if find_attack(spec.type).family == "lidar"
+            else spec
             for spec in grid.attacks[name]
         )
         request = AttackRequest(specs, drive.seed, self.device, debug=False)
@@ -156,6 +163,9 @@ class Grid:
     def _score(self, clean: Path, bag: Path, cells: Sequence[GridCell], clean_sha256: str) -> None:
         """Score a bag as one detector sees it, under each defence, and store the cells."""
         grid, (first, *_) = self.loaded.file, cells
+        if not first.detector:
+            self._score_messages(clean, bag, first, clean_sha256)
+            return
         scored = score_bag(
             clean,
             bag,
@@ -166,16 +176,8 @@ class Grid:
             device=self.device,
             workers=self.workers,
         )
-        origin = GridOrigin(
-            advpipe=installed("advpipe"),
-            code_sha256=code_sha256(*CODE),
-            commit=source_commit(),
-            clean_sha256=clean_sha256,
-            bag_sha256=parent_sha256(bag),
-            detector_sha256=self.sha256_of[first.detector],
-            attacked_against=scored.row.attack.attacked_against,
-            is_white_box=scored.row.attack.is_white_box,
-        )
+        made = scored.row.attack
+        origin = self._origin(first, bag, clean_sha256, made.attacked_against, made.is_white_box)
         for cell in cells:
             values = scored.values[cell.defence]
             identity = self._identity(cell)
@@ -186,11 +188,33 @@ class Grid:
                 f"{cell.drive.id}, {cell.attack}, {cell.detector}{under}: mAP {clean_map} -> {map_adv}"
             )
 
+    def _score_messages(self, clean: Path, bag: Path, cell: GridCell, clean_sha256: str) -> None:
+        """Score a bag of attacked fixes or messages, and store its cell."""
+        values = score_messages(clean, bag, cell.drive.seed)
+        origin = self._origin(cell, bag, clean_sha256, None, None)
+        self.store.save(StoredGridCell(identity=self._identity(cell), origin=origin, values=values))
+        scored = ", ".join(each.stratum for each in values)
+        print_result(f"{cell.drive.id}, {cell.attack}: {scored}")
+
+    def _origin(
+        self, cell: GridCell, bag: Path, clean_sha256: str, against: str | None, is_white_box: bool | None
+    ) -> GridOrigin:
+        return GridOrigin(
+            advpipe=installed("advpipe"),
+            code_sha256=_code_of(cell),
+            commit=source_commit(),
+            clean_sha256=clean_sha256,
+            bag_sha256=parent_sha256(bag),
+            detector_sha256=self.sha256_of.get(cell.detector, ""),
+            attacked_against=against,
+            is_white_box=is_white_box,
+        )
+
     def _identity(self, cell: GridCell) -> dict[str, object]:
         return cell.identity(self.loaded.file, self.sha256_of, self.device)
 
     def _stored(self, cell: GridCell) -> StoredGridCell | None:
-        return self.store.load(self._identity(cell), code_sha256(*CODE), self.overwrite)
+        return self.store.load(self._identity(cell), _code_of(cell), self.overwrite)
 
     def _scored(self) -> Iterator[ScoredCell]:
         for drive in self.loaded.drives:
@@ -215,6 +239,11 @@ class Grid:
         report = GridReport(self.store.folder, self.loaded, found, tuple(warnings))
         write_grid(self.store.folder, self.loaded.file, found, report.warnings)
         return report
+
+
+def _code_of(cell: GridCell) -> str:
+    """Identifies the code that decides the cell's figures."""
+    return code_sha256(*(CODE if cell.detector else MESSAGE_CODE))
 
 
 @dataclass(frozen=True, repr=False)

@@ -45,6 +45,26 @@ class DriveRatio:
         return cls(float(100 * part.mean() / whole.mean()), (float(low), float(high)) if len(draws) else None)
 
 
+@dataclass(frozen=True)
+class DriveMean:
+    """A mean over drives with its 95 % interval; NaN and None where undefined."""
+
+    value: float
+    ci95: Interval
+    drives: int
+
+    @classmethod
+    def of(cls, figures: Float64) -> DriveMean:
+        """figures: one of each drive (N,)."""
+        if not len(figures):
+            return cls(math.nan, None, 0)
+        draws = drive_draws(len(figures))
+        if not len(draws):
+            return cls(float(figures.mean()), None, len(figures))
+        low, high = np.quantile(figures[draws].mean(axis=1), expanded_levels(len(figures)))
+        return cls(float(figures.mean()), (float(low), float(high)), len(figures))
+
+
 def drive_draws(drives: int) -> npt.NDArray[np.int64]:
     """Draws of drives with replacement (draws, drives); none with fewer than `LEAST_DRIVES`."""
     draws = DRIVE_DRAWS if drives >= LEAST_DRIVES else 0
@@ -108,6 +128,16 @@ class GridGroup:
         """The mean mAP on clean clouds, over drives."""
         found = [each.map_clean for each in self._values(WHOLE) if each.map_clean is not None]
         return sum(found) / len(found) if found else math.nan
+
+    @property
+    def strata(self) -> list[str]:
+        """The strata of its cells."""
+        return list(dict.fromkeys(each.stratum for cell in self.cells for each in cell.stored.values))
+
+    def mean(self, stratum: str, column: str) -> DriveMean:
+        """The mean of a column of `GridValues` over the drives that have a figure there."""
+        found = [getattr(values, column) for values in self._values(stratum)]
+        return DriveMean.of(np.array([each for each in found if each is not None], dtype=np.float64))
 
     def _values(self, stratum: str) -> list[GridValues]:
         return [each for cell in self.cells for each in cell.stored.values if each.stratum == stratum]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.core.jobs import results_ahead, usable_cores
+from advpipe.pipeline.core.local_processes import results_ahead, usable_cores
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.v2x.codec.codes import ExteriorLights

@@ -32,6 +32,11 @@ map: {sumo_net: boulevard.net.xml}
 traffic: {vehicles: 30, pedestrians: 0, parked_per_km: 0}
 sensors: {lidars: {lidar: {channels: 16, points_per_second: 72000}}}
 """
+GRID = """
+name: tiny
+scenario: tiny.yaml
+attacks: {bias: {type: gnss-bias, parameters: {bound_m: 5}}}
+"""
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,7 @@ CASES = {
         "--out d/reports/sweep",
         "d/reports/sweep",
     ),
+    "grid": Case("grid grid.yaml --workers 1 --out g", "g"),
     "train": Case("train d --steps 1 --out run", "run"),
     "share to a folder": Case("share d --out s", "s"),
     "share to a tar": Case("share d --out s.tar", "s.tar.sha256"),
@@ -97,6 +103,7 @@ def ready(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set with an attack, its archive, its clouds as files, a truncated recording, and a figure."""
     folder = tmp_path_factory.mktemp("ready")
     (folder / "tiny.yaml").write_text(SCENARIO)
+    (folder / "grid.yaml").write_text(GRID)
     commands = (
         *("simulate tiny.yaml --out d", f"{RANDOM} d/adv --frames ::5", "share d --out ready.tar"),
         "export d --format pcd --frames 0:4 --out pcd",
@@ -251,7 +258,7 @@ def left_by_a_full_disk(forks: Forks, folder: Path, before: dict[str, str], case
     for found in cleaned(forks, folder):
         assert found["use"] == "resume", found
     after = {name: digest for name, digest in files(folder).items() if ".job/" not in name}
-    if case.output in ("run", "d/reports/sweep"):
+    if case.output in ("run", "d/reports/sweep", "g"):
         after = {name: digest for name, digest in after.items() if not name.startswith(case.output)}
         assert not any(path.name.startswith(".") for path in (folder / case.output).glob("*"))
     assert after == before

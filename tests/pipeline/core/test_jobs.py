@@ -14,7 +14,9 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.jobs import UnexpectedInWorkerError, Work, map_jobs, results_ahead, run_jobs
+from advpipe.pipeline.core.job_errors import UnexpectedInWorkerError
+from advpipe.pipeline.core.jobs import Work, map_jobs, run_jobs
+from advpipe.pipeline.core.local_processes import results_ahead
 
 CODE = """
 import os, time
