@@ -12,8 +12,9 @@ from advpipe.pipeline.geometry.boxes import Boxes
 
 Float32 = npt.NDArray[np.float32]
 
-Offer = Literal["road users", "rays"]
-"""Names a method of `Surroundings`: sensors declare which they need, and a world which it offers."""
+Offer = Literal["road users", "rays", "surfaces"]
+"""Names a method of `Surroundings`, or "surfaces" for those of `VisibleSurroundings`: sensors declare which
+they need, and a world which it offers."""
 
 
 @dataclass(frozen=True)

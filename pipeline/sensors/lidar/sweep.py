@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
+
+if TYPE_CHECKING:
+    from advpipe.pipeline.sensors.camera.section import CameraSensor
 
 Float32 = npt.NDArray[np.float32]
 
@@ -93,8 +98,8 @@ def poses_at(twist: Float64, times_s: Float64) -> Float64:
     return poses
 
 
-def mounting(sensor: LidarSensor) -> Float64:
-    """`base_SE3_lidar` (4, 4): roll, then pitch (positive is down), then yaw, about fixed axes (REP-103)."""
+def mounting(sensor: LidarSensor | CameraSensor) -> Float64:
+    """`base_SE3_sensor` (4, 4): roll, then pitch (positive is down), then yaw, about fixed axes (REP-103)."""
     roll, pitch, yaw = np.deg2rad([sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg])
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])

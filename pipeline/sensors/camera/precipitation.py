@@ -1,0 +1,87 @@
+"""Rain drops and snow flakes in the air near a camera, as streaks of the exposure time.
+
+Their number follows the size distributions of the LiDAR's air (Marshall and Palmer 1948; Gunn and Marshall
+1958); drops fall at their terminal velocity (Atlas and Ulbrich 1977), flakes at 1 m/s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.sensors.camera.lens import Lens
+from advpipe.pipeline.sensors.weather import Weather
+
+Float32 = npt.NDArray[np.float32]
+
+NEAR_M, FAR_M = 0.5, 14.0
+"""Distances between which single particles are seen; nearer ones are out of focus, farther ones a veil."""
+
+MOST = 6000
+VISIBLE_MM = 0.9
+"""Particles from this diameter on are drawn."""
+
+
+def draw_particles(
+    radiance: Float32,
+    lens: Lens,
+    weather: Weather,
+    optical_velocity_mps: Float64,
+    down: Float64,
+    exposure_s: float,
+    light: Float32,
+    rng: np.random.Generator,
+) -> None:
+    """Draw the particles of rain or snow into a radiance (H, W, 3).
+
+    optical_velocity_mps, down: (3,) the camera's velocity and the direction of gravity, in its optical frame.
+    light: (3,) luminance of the sky behind the camera, which the particles refract.
+    """
+    from PIL import Image, ImageDraw
+
+    if weather.kind not in ("rain", "snow"):
+        return
+    density, slope_per_mm = _distribution(weather)
+    half = FAR_M * np.tan(np.deg2rad(50))
+    volume_m3 = (2 * half) ** 2 * (FAR_M - NEAR_M)
+    expected = density / slope_per_mm * np.exp(-slope_per_mm * VISIBLE_MM) * volume_m3
+    count = min(int(rng.poisson(min(expected, 1e6))), MOST)
+    places = rng.uniform((-half, -half, NEAR_M), (half, half, FAR_M), (count, 3))
+    diameter_mm = VISIBLE_MM + rng.exponential(1 / slope_per_mm, count)
+    is_snow = weather.kind == "snow"
+    if is_snow:
+        diameter_mm *= 4.0  # a flake is wider than the drop that it melts to
+        fall_mps = np.full(count, 1.0)
+        sway = rng.normal(0, 0.4, (count, 3))
+    else:
+        fall_mps = np.maximum(9.65 - 10.3 * np.exp(-0.6 * diameter_mm), 0.5)
+        sway = np.zeros((count, 3))
+    move = (fall_mps[:, None] * down + sway - optical_velocity_mps) * exposure_s
+    starts, ends = lens.project(places), lens.project(places + move)
+    width_px = diameter_mm * 1e-3 * lens.matrix[0, 0] / places[:, 2]
+    length_px = np.linalg.norm(ends - starts, axis=1)
+    share = np.clip((0.8 if is_snow else 0.35) * width_px / (width_px + length_px) * np.minimum(width_px, 1), 0, 0.7)
+    height, wide = radiance.shape[:2]
+    mask = Image.new("L", (wide, height))
+    pen = ImageDraw.Draw(mask)
+    drawn = np.isfinite(starts).all(axis=1) & np.isfinite(ends).all(axis=1) & (share * 255 >= 1)
+    for index in np.flatnonzero(drawn):
+        line = [*starts[index].tolist(), *ends[index].tolist()]
+        size = max(round(float(width_px[index])), 1)
+        level = int(share[index] * 255)
+        if is_snow and length_px[index] < 1.5 * size:
+            x, y, r = line[0], line[1], size / 2
+            pen.ellipse((x - r, y - r, x + r, y + r), fill=level)
+        else:
+            pen.line(line, fill=level, width=size)
+    cover = np.asarray(mask, np.float32)[..., None] * np.float32(1 / 255)
+    radiance += cover * (light * np.float32(1.4 if is_snow else 1.0) - radiance)
+
+
+def _distribution(weather: Weather) -> tuple[float, float]:
+    """Density in 1/(m^3 mm) and slope in 1/mm of N(D) = density exp(-slope D)."""
+    rate = weather.rate_mm_per_h
+    if weather.kind == "rain":
+        return 8000.0, 4.1 * rate**-0.21
+    return 3.8e3 * rate**-0.87, 2.55 * rate**-0.48
