@@ -27,7 +27,7 @@ def openness(
 ) -> Float32:
     """Share of the sky (H, W) that each place faces beside the boxes (M, 7) in the map frame.
 
-    points_m: (H, W, 3), the places that the pixels of a band of rows see. is_ground: (H, W), whether they can
+    points_m: (3, H, W), the places that the pixels of a band of rows see. is_ground: (H, W), whether they can
     be darkened. top: the band's first row.
     """
     height, width = is_ground.shape
@@ -46,18 +46,18 @@ def openness(
             low = np.clip(np.floor(pixels.min(axis=0)) - (0, top), 0, (width, height)).astype(int)
             high = np.clip(np.ceil(pixels.max(axis=0)) + (1, 1 - top), 0, (width, height)).astype(int)
             rows, columns = slice(low[1], high[1]), slice(low[0], high[0])
-        _darken(share[rows, columns], points_m[rows, columns], is_ground[rows, columns], box)
+        _darken(share[rows, columns], points_m[:, rows, columns], is_ground[rows, columns], box)
     return share
 
 
 def _darken(
     share: Float32, points_m: Float32, is_ground: npt.NDArray[np.bool_], box: npt.NDArray[np.float64]
 ) -> None:
-    x, y = points_m[..., 0] - np.float32(box[0]), points_m[..., 1] - np.float32(box[1])
+    x, y = points_m[0] - np.float32(box[0]), points_m[1] - np.float32(box[1])
     cos, sin = np.float32(np.cos(box[6])), np.float32(np.sin(box[6]))
     ahead = np.maximum(np.abs(x * cos + y * sin) - np.float32(box[3] / 2 - 0.15), 0)
     aside = np.maximum(np.abs(y * cos - x * sin) - np.float32(box[4] / 2 - 0.1), 0)
-    above = np.abs(points_m[..., 2] - np.float32(box[2] - box[5] / 2))
+    above = np.abs(points_m[2] - np.float32(box[2] - box[5] / 2))
     away = np.sqrt(ahead * ahead + aside * aside)
     factor = 1 - DEEPEST * np.exp(-away / FADE_M)
     np.multiply(share, factor, out=share, where=is_ground & (above < 0.6) & (away < REACH_M))

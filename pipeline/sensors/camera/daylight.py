@@ -18,7 +18,15 @@ from advpipe.pipeline.sensors.weather import Weather
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
-TURBIDITY = 2.8
+TURBIDITY = 2.6
+
+VIVID, BLUER = 1.45, np.array([0.9, 1.0, 1.04])
+"""The model's skies are greyer and more violet than those of photographs; factors on their saturation and
+colours, by eye."""
+
+NIGHT = np.array([0.0021, 0.0017, 0.0013])
+"""Luminance of a city's sky and street lamps at night, in kcd/m^2."""
+
 _J2000_S = 946_728_000.0
 
 XYZ_TO_RGB = np.array(
@@ -87,7 +95,7 @@ class Daylight:
         """Luminance (N, 3) of the sky without clouds, or of the clouds, towards unit vectors (N, 3)."""
         up = np.maximum(directions[:, 2], 0.0)
         twilight = float(np.clip((np.rad2deg(self.altitude_rad) + 8.0) / 8.0, 0, 1)) ** 3
-        night = np.array([0.00035, 0.0003, 0.0003]) * (1 + 1.5 * (1 - up))[:, None]
+        night = NIGHT * (0.6 + 1.6 * (1 - up))[:, None]
         if self.is_overcast:
             height = max(float(np.sin(self.altitude_rad)), 0.02)
             zenith = 3 / (7 * np.pi) * 9 * (0.3 + 21 * height) * 0.35
@@ -150,4 +158,7 @@ def _preetham(directions: Float64, sun: Float64) -> Float64:
     luminance = np.maximum(luminance, 0.02)
     y = np.maximum(y, 0.05)
     xyz = np.column_stack([luminance * x / y, luminance, luminance * (1 - x - y) / y])
-    return np.maximum(xyz @ XYZ_TO_RGB.T, 0.0)
+    rgb = np.maximum(xyz @ XYZ_TO_RGB.T, 0.0)
+    grey = rgb @ [0.2126, 0.7152, 0.0722]
+    vivid: Float64 = np.maximum(grey[:, None] + VIVID * (rgb - grey[:, None]), 0.0) * BLUER
+    return vivid

@@ -19,6 +19,9 @@ FULL_WELL, READ_NOISE = 11_000.0, 4.0
 BASE_EXPOSURE = 0.12
 """Exposure per kcd/m^2 up to which the sensor keeps its least gain: that of a day in shade."""
 
+MOST_GAIN = 20.0
+"""Gain from which on the sensor exposes for longer instead."""
+
 WHITE = 6.0
 """What the curve maps to 255."""
 
@@ -36,12 +39,12 @@ class Exposure:
         self._curve = _curve()
 
     def develop(self, radiance: Float32, rng: np.random.Generator) -> UInt8:
-        """The image (H, W, 3) of a radiance (H, W, 3) in kcd/m^2, which is overwritten."""
+        """The image (H, W, 3) of a radiance (3, H, W) in kcd/m^2, which is overwritten."""
         exposure = self._follow(radiance)
         linear = radiance.reshape(-1)
         linear *= np.float32(exposure)
         if self._normals is not None:
-            gain = self._gain * max(exposure / BASE_EXPOSURE, 1.0)
+            gain = self._gain * min(max(exposure / BASE_EXPOSURE, 1.0), MOST_GAIN)
             shot, read = gain / FULL_WELL, (READ_NOISE * gain / FULL_WELL) ** 2
             deviation = np.sqrt(linear * np.float32(shot) + np.float32(read))
             start = int(rng.integers(_NORMALS))
@@ -56,11 +59,12 @@ class Exposure:
         linear *= np.float32(1 / WHITE)
         np.sqrt(linear, out=linear)
         linear *= np.float32(_STEPS - 1)
-        return self._curve[linear.astype(np.uint16)].reshape(radiance.shape)
+        planes = np.take(self._curve, linear.astype(np.int32)).reshape(radiance.shape)
+        return np.ascontiguousarray(planes.transpose(1, 2, 0))
 
     def _follow(self, radiance: Float32) -> float:
         """The exposure in 1/(kcd/m^2), on its way from the last one to that of this picture."""
-        rows = radiance[radiance.shape[0] // 6 :: 4, ::4, 1]
+        rows = radiance[1, radiance.shape[1] // 6 :: 4, ::4]
         wanted = float(np.log(KEY) - np.log(np.maximum(rows, 1e-5)).mean())
         last = wanted if self._log_exposure is None else self._log_exposure
         self._log_exposure = last + self._speed * (wanted - last)

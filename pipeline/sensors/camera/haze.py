@@ -28,12 +28,12 @@ def extinction_per_m(weather: Weather) -> float:
 
 
 def veil(radiance: Float32, range_m: Float32, up: Float32, extinction: float, airlight: Float32) -> None:
-    """Attenuate the radiance (N, 3) of rays in place, and add that of the air between.
+    """Attenuate the radiance (3, N) of rays in place, and add that of the air between.
 
     range_m: (N,), infinite for the sky. up: (N,) vertical component of the rays' directions.
     """
     path_m = np.minimum(range_m, np.float32(LAYER_M) / np.maximum(up, np.float32(1e-3)))
-    passed = np.exp(path_m * np.float32(-extinction))[:, None]
-    radiance -= airlight
+    passed = np.exp(path_m * np.float32(-extinction))
+    radiance -= airlight[:, None]
     radiance *= passed
-    radiance += airlight
+    radiance += airlight[:, None]

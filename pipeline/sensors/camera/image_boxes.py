@@ -61,7 +61,12 @@ def image_objects(boxes: Boxes, layers: Layers, lens: Lens, map_SE3_optical: Flo
     """The road users in an image, in the order of the boxes, which are in the map frame."""
     found = []
     optical_SE3_map = invert(map_SE3_optical)
-    for index in np.flatnonzero(layers.alone):
+    present = np.flatnonzero(layers.alone)
+    corners = box_corners(boxes.geometry[present]).reshape(-1, 3)
+    pixels = lens.project(transform_points(optical_SE3_map, corners)).reshape(-1, 16)
+    with np.errstate(invalid="ignore"):
+        is_whole = ((pixels >= 0) & (pixels <= np.tile(np.array(lens.size_px) - 1, 8))).all(axis=1)
+    for index, whole in zip(present, is_whole, strict=True):
         box = boxes.geometry[index]
         bottom = transform_points(optical_SE3_map, box[:3] - (0, 0, box[5] / 2))
         ahead = optical_SE3_map[:3, :3] @ [np.cos(box[6]), np.sin(box[6]), 0.0]
@@ -74,7 +79,7 @@ def image_objects(boxes: Boxes, layers: Layers, lens: Lens, map_SE3_optical: Flo
                 CLASSES[boxes.labels[index]],
                 _edges(layers.visible_px[index]) if shows else None,
                 _edges(layers.alone_px[index]),
-                _truncation(box, lens, optical_SE3_map),
+                0.0 if whole else _truncation(box, lens, optical_SE3_map),
                 float(layers.visible[index] / layers.alone[index]),
                 float(observation_angle((float(bottom[0]), float(bottom[1]), float(bottom[2])), rotation_y)),
             )

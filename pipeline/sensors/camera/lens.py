@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -80,7 +81,7 @@ class Pinhole(Lens):
         ahead = points[:, 2] > 1e-9
         plane = np.where(ahead[:, None], points[:, :2] / np.where(ahead, points[:, 2], 1.0)[:, None], np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
-            beyond = (plane**2).sum(axis=1) > self._reach() ** 2
+            beyond = (plane**2).sum(axis=1) > self._reach**2
             plane[beyond] = np.nan  # the polynomial holds within the image only
             return self._pixels(self._distorted(plane))
 
@@ -105,6 +106,7 @@ class Pinhole(Lens):
                 "distortion folds back within the image: several directions meet in one pixel; lower it"
             )
 
+    @cached_property
     def _reach(self) -> float:
         """The greatest undistorted radius that the image shows, with a margin."""
         return 1.05 * float(np.linalg.norm(self._undistorted(self._border()), axis=1).max())
@@ -152,7 +154,7 @@ class Fisheye(Lens):
     def project(self, points: Float64) -> Float64:
         across = np.hypot(points[:, 0], points[:, 1])
         angle = np.arctan2(across, points[:, 2])
-        radius = np.where(angle <= self._largest(), self._radius(angle), np.nan)
+        radius = np.where(angle <= self._largest, self._radius(angle), np.nan)
         share = np.where(across > 1e-12, radius / np.maximum(across, 1e-12), 0.0)
         share[np.isnan(radius)] = np.nan
         return self._pixels(points[:, :2] * share[:, None])
@@ -160,7 +162,7 @@ class Fisheye(Lens):
     def directions(self, pixels: Float64) -> Float64:
         plane = self._normalised(pixels)
         radius = np.linalg.norm(plane, axis=1)
-        angles = np.linspace(0, self._largest(), 8192)
+        angles = np.linspace(0, self._largest, 8192)
         known = self._radius(angles)
         angle = np.interp(radius, known, angles, right=np.nan)
         for _ in range(3):  # refine what the table gives
@@ -171,12 +173,13 @@ class Fisheye(Lens):
         return rays
 
     def check(self) -> None:
-        middle_rad = np.linspace(0, self._largest(), 4096)
-        if np.diff(self._radius(middle_rad)).min() <= 0 or self._largest() <= 0:
+        middle_rad = np.linspace(0, self._largest, 4096)
+        if np.diff(self._radius(middle_rad)).min() <= 0 or self._largest <= 0:
             raise LensError(
                 "distortion folds back within the field of view: several directions meet in one pixel; lower it"
             )
 
+    @cached_property
     def _largest(self) -> float:
         """The largest angle to the axis that the image shows, at most half a turn."""
         width = self.size_px[0]

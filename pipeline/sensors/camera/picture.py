@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.camera.contact import openness
 from advpipe.pipeline.sensors.camera.lens import Lens
+from advpipe.pipeline.sensors.camera.palette import TAG
 from advpipe.pipeline.sensors.camera.shading import Shading
 from advpipe.pipeline.sensors.camera.surfaces import Surfaces, VisibleSurroundings
 
@@ -17,7 +19,10 @@ Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
 
 MAX_RAYS = 1 << 18
-"""Most rays that are cast at once; more would only need more memory."""
+"""Most rays that are cast at once: their vectors fit the processor's cache, and parts of a picture run side by
+side. The parts, and so the bytes of a picture, do not depend on the number of processors."""
+
+WORKERS = 2
 
 OFFSETS_PX = ((0.0, -0.36), (0.32, 0.2), (-0.32, 0.2))
 """Where the three further rays of a pixel pass, beside the one through its centre."""
@@ -65,34 +70,38 @@ class Photographer:
         rays[self._blind] = (0.0, 0.0, 1.0)
         self._directions: Float32 = rays.astype(np.float32)
         middle = lens.directions(np.array([[width / 2, height / 2], [width / 2 + 1, height / 2]]))
+        self._workers = ThreadPoolExecutor(WORKERS)
         self._pixel_rad = float(np.linalg.norm(middle[1] - middle[0]))
 
     def take(
         self, world: VisibleSurroundings, view: View, boxes: Float64, shading: Shading | None
     ) -> tuple[Float32 | None, Layers]:
-        """The radiance (H, W, 3), None without shading, and the layers of one image."""
+        """The radiance (3, H, W), None without shading, and the layers of one image."""
         width, height = self.size_px
         first = _FirstPass(width * height, len(boxes))
-        radiance = None if shading is None else np.empty((height * width, 3), np.float32)
+        radiance = None if shading is None else np.empty((3, width * height), np.float32)
         light = np.ones(width * height, np.float32)
         rows = max(MAX_RAYS // width, 1)
-        for top in range(0, height, rows):
+
+        def band(top: int) -> None:
             pixels = slice(top * width, min(top + rows, height) * width)
             rays = self._rays(view, self._directions[pixels])
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
-            first.take(pixels, surfaces, width)
-            if shading is None or radiance is None:
-                continue
-            is_lit = _sun_lit(world, shading, surfaces, rays)
-            first.is_lit[pixels] = is_lit
-            light[pixels] = self._openness(boxes, surfaces, rays, view, top)
-            radiance[pixels] = shading.radiance(surfaces, rays, is_lit, light[pixels], view.map_SE3_base)
+            is_lit = None if shading is None else _sun_lit(world, shading, surfaces)
+            first.take(pixels, surfaces, is_lit)
+            if shading is None or radiance is None or is_lit is None:
+                return
+            light[pixels] = self._openness(boxes, surfaces, view, pixels, top)
+            openness = light[pixels][surfaces.rays]
+            radiance[:, pixels] = shading.radiance(surfaces, rays, is_lit, openness, view.map_SE3_base)
+
+        list(self._workers.map(band, range(0, height, rows)))
         layers = first.layers(self._blind, width)
         if radiance is None or shading is None:
             return None, layers
         self._smooth(world, view, shading, radiance, first, light)
-        radiance[self._blind] = 0.0
-        return radiance.reshape(height, width, 3), layers
+        radiance[:, self._blind] = 0.0
+        return radiance.reshape(3, height, width), layers
 
     def _smooth(
         self,
@@ -107,18 +116,21 @@ class Photographer:
         if self._samples == 1:
             chosen = np.flatnonzero(first.edges(*self.size_px))
         else:
-            chosen = np.arange(len(radiance))
+            chosen = np.arange(radiance.shape[1])
         per_cast = MAX_RAYS // len(OFFSETS_PX)
-        for start in range(0, len(chosen), per_cast):
+
+        def part(start: int) -> None:
             pixels = chosen[start : start + per_cast]
             directions = np.concatenate([self._beside(pixels, *offset) for offset in OFFSETS_PX])
             rays = self._rays(view, directions)
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
-            is_lit = _sun_lit(world, shading, surfaces, rays)
-            shade = np.tile(light[pixels], len(OFFSETS_PX))
-            further = shading.radiance(surfaces, rays, is_lit, shade, view.map_SE3_base)
-            total = further.reshape(len(OFFSETS_PX), -1, 3).sum(axis=0)
-            radiance[pixels] = (radiance[pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
+            is_lit = _sun_lit(world, shading, surfaces)
+            openness = light[pixels][surfaces.rays % len(pixels)]
+            further = shading.radiance(surfaces, rays, is_lit, openness, view.map_SE3_base)
+            total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
+            radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
+
+        list(self._workers.map(part, range(0, len(chosen), per_cast)))
 
     def _beside(self, pixels: Int64, right_px: float, down_px: float) -> Float32:
         """Directions (K, 3) that pass beside the centres of pixels (K,), by their neighbours'."""
@@ -141,23 +153,24 @@ class Photographer:
         np.matmul(directions, view.map_SE3_optical[:3, :3].T.astype(np.float32), out=rays[:, 3:])
         return rays
 
-    def _openness(self, boxes: Float64, surfaces: Surfaces, rays: Float32, view: View, top: int) -> Float32:
+    def _openness(self, boxes: Float64, surfaces: Surfaces, view: View, pixels: slice, top: int) -> Float32:
         """See `openness`, for a band of rows from `top` on."""
-        is_ground = (surfaces.objects < 0) & (surfaces.normals[:, 2] > 0.7) & np.isfinite(surfaces.range_m)
-        points = rays[:, :3] + np.where(is_ground, surfaces.range_m, 0)[:, None] * rays[:, 3:]
-        shape = -1, self.size_px[0]
+        count, width = pixels.stop - pixels.start, self.size_px[0]
+        is_ground = np.zeros(count, np.bool_)
+        is_ground[surfaces.rays] = (surfaces.objects < 0) & (surfaces.normals[2] > np.float32(0.7))
+        points_m = np.zeros((3, count), np.float32)
+        points_m[:, surfaces.rays] = surfaces.points_m
+        shape = count // width, width
         return openness(
-            boxes, points.reshape(*shape, 3), is_ground.reshape(shape), self.lens, view.map_SE3_optical, top
+            boxes, points_m.reshape(3, *shape), is_ground.reshape(shape), self.lens, view.map_SE3_optical, top
         ).ravel()
 
 
-def _sun_lit(
-    world: VisibleSurroundings, shading: Shading, surfaces: Surfaces, rays: Float32
-) -> npt.NDArray[np.bool_]:
-    is_lit = np.zeros(len(rays), np.bool_)
+def _sun_lit(world: VisibleSurroundings, shading: Shading, surfaces: Surfaces) -> npt.NDArray[np.bool_]:
+    is_lit = np.zeros(len(surfaces.rays), np.bool_)
     facing = shading.sun_lit(surfaces)
     if len(facing):
-        origins = shading.shadow_origins(surfaces, rays, facing)
+        origins = shading.shadow_origins(surfaces, facing)
         is_lit[facing] = ~world.is_shaded(origins, shading.sun, SHADOW_RANGE_M)
     return is_lit
 
@@ -166,19 +179,28 @@ class _FirstPass:
     """Collects what the rays through the centres of all pixels meet."""
 
     def __init__(self, pixels: int, users: int) -> None:
-        self.range_m = np.empty(pixels, np.float32)
-        self.tags, self.materials = np.empty(pixels, np.uint8), np.empty(pixels, np.uint8)
-        self.objects = np.empty(pixels, np.int32)
-        self.normals = np.empty((pixels, 3), np.float32)
-        self.is_fine, self.is_lit = np.empty(pixels, np.bool_), np.zeros(pixels, np.bool_)
+        self.range_m = np.full(pixels, np.inf, np.float32)
+        self.tags = np.full(pixels, TAG["Sky"], np.uint8)
+        self.objects = np.full(pixels, -1, np.int32)
+        self._keys = np.zeros(pixels, np.int32)
+        self._is_fine = np.zeros(pixels, np.bool_)
         self._alone: list[tuple[Int64, Int64]] = []
         self._users = users
 
-    def take(self, pixels: slice, surfaces: Surfaces, width: int) -> None:
-        self.range_m[pixels], self.tags[pixels] = surfaces.range_m, surfaces.tags
-        self.materials[pixels], self.objects[pixels] = surfaces.materials, surfaces.objects
-        self.normals[pixels], self.is_fine[pixels] = surfaces.normals, surfaces.is_fine
+    def take(self, pixels: slice, surfaces: Surfaces, is_lit: npt.NDArray[np.bool_] | None) -> None:
+        """Take the surfaces of a band of pixels; is_lit: (K,), None without light."""
+        place = surfaces.rays + pixels.start
+        self.range_m[place], self.tags[place] = surfaces.range_m, surfaces.tags
+        self.objects[place] = surfaces.objects
         self._alone.append((surfaces.alone_rays + pixels.start, surfaces.alone_users))
+        if is_lit is None:
+            return
+        x, y, z = (surfaces.normals * np.float32(3) + np.float32(3.5)).astype(np.int32)
+        keys = surfaces.objects + np.int32(2)
+        for value, bits in ((surfaces.materials, 8), (is_lit, 1), (x, 3), (y, 3), (z, 3)):
+            keys <<= bits
+            keys |= value
+        self._keys[place], self._is_fine[place] = keys, surfaces.is_fine
 
     def layers(self, blind: Int64, width: int) -> Layers:
         self.range_m[blind], self.tags[blind], self.objects[blind] = np.inf, 0, -1
@@ -194,20 +216,15 @@ class _FirstPass:
     def edges(self, width: int, height: int) -> npt.NDArray[np.bool_]:
         """Pixels (H W,) that differ from a neighbour in more than texture."""
         shape = height, width
-        edges = self.is_fine.reshape(shape).copy()
-        keys = (
-            self.objects.astype(np.int64) * 512 + self.materials.astype(np.int64) * 2 + self.is_lit
-        ).reshape(shape)
-        near = np.where(np.isfinite(self.range_m), 1 / np.maximum(self.range_m, np.float32(0.1)), 0).reshape(shape)
-        normals = self.normals.reshape(height, width, 3)
+        edges = self._is_fine.reshape(shape).copy()
+        keys = self._keys.reshape(shape)
+        near = (1 / np.maximum(self.range_m, np.float32(0.1))).reshape(shape)
         for a, b in (
             ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
             ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
         ):
             differs = keys[a] != keys[b]
             differs |= np.abs(near[a] - near[b]) > np.float32(0.06) * np.maximum(near[a], near[b])
-            differs |= np.einsum("ijk,ijk->ij", normals[a], normals[b]) < np.float32(0.9)
-            differs &= (near[a] > 0) | (near[b] > 0)
             edges[a] |= differs
             edges[b] |= differs
         return edges.ravel()

@@ -19,7 +19,7 @@ THIN_SHARE = np.float32(0.55)
 GLOSS_POWER, GLOSS_PEAK = np.float32(600.0), np.float32(95.0)
 """Lobe of the sun's mirror image on paint (Phong), normalised: (n + 2) / 2 pi."""
 
-WET_COLOUR, WET_SPECULAR = np.float32(0.55), np.float32(0.02)
+WET_COLOUR, WET_SPECULAR = np.float32(0.45), np.float32(0.02)
 """Wet roads are darker (Lekner and Dorf 1988) and reflect like water, of refractive index 1.33."""
 
 PANE_SPECULAR = np.float32(0.07)
@@ -27,6 +27,9 @@ PANE_SPECULAR = np.float32(0.07)
 
 LAMP_KCD = {True: 9.0, False: 2.5}
 """Luminance of lamps at night and by day (daytime running lights)."""
+
+INSIDE = np.float32(0.3)
+"""Share of the light outside that there is in rooms and vehicles."""
 
 BEAM_KLX_M2 = 26.0
 """Luminous intensity of a pair of low beams in their middle, in kilocandela."""
@@ -48,123 +51,134 @@ class Shading:
         """Indices of the surfaces that face the sun, and are lit unless something is in between."""
         if not self.has_sun:
             return np.zeros(0, np.int64)
-        facing = surfaces.normals @ self._sun > 0
+        facing = self._sun @ surfaces.normals > 0
         facing |= surfaces.is_thin
-        facing &= np.isfinite(surfaces.range_m)
         return np.flatnonzero(facing)
 
-    def shadow_origins(self, surfaces: Surfaces, rays: Float32, chosen: npt.NDArray[np.int64]) -> Float32:
-        """Points (K, 3) just above the chosen surfaces, from which shadow rays start."""
-        points = rays[chosen, :3] + surfaces.range_m[chosen, None] * rays[chosen, 3:]
-        points += np.float32(0.012) * surfaces.normals[chosen]
-        points += np.float32(0.012) * self._sun
+    def shadow_origins(self, surfaces: Surfaces, chosen: npt.NDArray[np.int64]) -> Float32:
+        """Points (3, N) just above the chosen surfaces, from which shadow rays start."""
+        points: Float32 = np.take(surfaces.points_m, chosen, axis=1)
+        points += np.float32(0.012) * np.take(surfaces.normals, chosen, axis=1)
+        points += (np.float32(0.012) * self._sun)[:, None]
         return points
 
     def radiance(
-        self, surfaces: Surfaces, rays: Float32, is_lit: Bool, openness: Float32 | None, beam: Float64 | None
+        self, surfaces: Surfaces, rays: Float32, is_lit: Bool, openness: Float32, beam: Float64
     ) -> Float32:
-        """Luminance (R, 3) in kcd/m^2 of each ray (R, 6).
+        """Luminance (3, R) in kcd/m^2 of each ray (R, 6).
 
-        is_lit: (R,), whether the sun shines there. openness: (R,), share of the sky that a surface faces
-        beside what its normal says; None for all of it. beam: pose (4, 4) of the vehicle whose low beams
-        light the scene, used only in the dark.
+        is_lit: (K,), whether the sun shines on a surface. openness: (K,), share of the sky that it faces beside
+        what its normal says. beam: pose (4, 4) of the vehicle whose low beams light the scene in the dark.
         """
-        radiance = np.empty((len(rays), 3), np.float32)
-        hit = np.isfinite(surfaces.range_m)
-        solid, sky = np.flatnonzero(hit), np.flatnonzero(~hit)
-        radiance[sky] = self._sky.luminance(rays[sky, 3:]) if len(sky) else 0
-        normals = surfaces.normals[solid]
-        light = normals @ self._sky.ambient[1:]
-        light += self._sky.ambient[0]
-        if openness is not None:
-            light *= openness[solid, None]
-        if self.has_sun:
-            cos = normals @ self._sun
-            thin = np.flatnonzero(surfaces.is_thin[solid])
-            cos[thin] = np.maximum(cos[thin], -THIN_SHARE * cos[thin]) * np.float32(0.8)
-            cos *= is_lit[solid]
-            np.maximum(cos, 0, out=cos)
-            light += cos[:, None] * (self._sun_light / np.float32(np.pi))
-        if self._is_dark and beam is not None:
-            light += _low_beams(surfaces, rays, solid, normals, beam)[:, None]
-        light *= surfaces.colour[solid]
+        light = self._light(surfaces, is_lit, openness, beam)
+        light *= surfaces.colour
         if self._is_wet:
-            light[surfaces.wets[solid]] *= WET_COLOUR
-        radiance[solid] = light
-        self._mirror(radiance, surfaces, rays, is_lit, openness)
-        self._lamps(radiance, surfaces)
+            light[:, surfaces.wets] *= WET_COLOUR
+        self._mirror(light, surfaces, rays, is_lit, openness)
+        self._lamps(light, surfaces)
+        radiance = np.empty((3, len(rays)), np.float32)
+        radiance[:, surfaces.rays] = light
+        sky = np.ones(len(rays), np.bool_)
+        sky[surfaces.rays] = False
+        beyond = np.flatnonzero(sky)
+        radiance[:, beyond] = self._sky.luminance(_directions(rays, beyond))
         self._panes(radiance, surfaces, rays)
         if self._extinction > 1e-4:
-            veil(radiance, surfaces.range_m, rays[:, 5], self._extinction, self._sky.horizon)
+            range_m = np.full(len(rays), np.inf, np.float32)
+            range_m[surfaces.rays] = surfaces.range_m
+            veil(radiance, range_m, rays[:, 5], self._extinction, self._sky.horizon)
         return radiance
 
+    def _light(self, surfaces: Surfaces, is_lit: Bool, openness: Float32, beam: Float64) -> Float32:
+        """Irradiance / pi (3, K) of the surfaces."""
+        light: Float32 = self._sky.ambient[1:].T @ surfaces.normals
+        light += self._sky.ambient[0][:, None]
+        darker = np.flatnonzero(openness < 1)
+        light[:, darker] *= openness[darker]
+        if self.has_sun:
+            cos = self._sun @ surfaces.normals
+            thin = np.flatnonzero(surfaces.is_thin)
+            cos[thin] = np.maximum(cos[thin], -THIN_SHARE * cos[thin]) * np.float32(0.8)
+            np.maximum(cos, 0, out=cos)
+            cos *= is_lit
+            for channel in range(3):
+                light[channel] += cos * (self._sun_light[channel] / np.float32(np.pi))
+        if self._is_dark:
+            light += _low_beams(surfaces, beam)
+        light[:, surfaces.is_inside] *= INSIDE
+        return light
+
     def _mirror(
-        self, radiance: Float32, surfaces: Surfaces, rays: Float32, is_lit: Bool, openness: Float32 | None
+        self, radiance: Float32, surfaces: Surfaces, rays: Float32, is_lit: Bool, openness: Float32
     ) -> None:
         """Add what smooth surfaces reflect of the sky and the sun."""
         specular = surfaces.specular
         if self._is_wet:
             specular = np.where(surfaces.wets, WET_SPECULAR, specular)
-        smooth = np.flatnonzero((specular > 0) & np.isfinite(surfaces.range_m))
+        smooth = np.flatnonzero((specular > 0) & ~surfaces.is_inside)
         if not len(smooth):
             return
-        fresnel, mirrored = _reflected(rays[smooth, 3:], surfaces.normals[smooth], specular[smooth])
+        directions = _directions(rays, surfaces.rays[smooth])
+        fresnel, mirrored = _reflected(directions, surfaces.normals[:, smooth], specular[smooth])
         image = self._sky.luminance(mirrored)
-        if openness is not None:
-            image *= openness[smooth, None]
+        image *= openness[smooth]
         if self._is_wet:  # what stands beside the road is darker than the sky above it
-            image *= np.where(surfaces.wets[smooth], np.float32(0.6), np.float32(1))[:, None]
+            image *= np.where(surfaces.wets[smooth], np.float32(0.6), np.float32(1))
         elif self.has_sun:
-            towards = np.maximum(mirrored @ self._sun, 0)
+            towards = np.maximum(self._sun @ mirrored, 0)
             glint = np.flatnonzero((towards > 0.98) & is_lit[smooth])
             lobe = GLOSS_PEAK * towards[glint] ** GLOSS_POWER
-            image[glint] += lobe[:, None] * self._sun_light
-        radiance[smooth] *= (1 - fresnel)[:, None]
-        radiance[smooth] += fresnel[:, None] * image
+            image[:, glint] += self._sun_light[:, None] * lobe
+        image *= fresnel
+        radiance[:, smooth] = radiance[:, smooth] * (1 - fresnel) + image
 
     def _lamps(self, radiance: Float32, surfaces: Surfaces) -> None:
         lamps = np.flatnonzero(surfaces.lamps != NO_LAMP)
         if not len(lamps):
             return
         glow = np.float32(LAMP_KCD[self._is_dark])
-        head = np.array([1.0, 0.97, 0.9], np.float32) * glow
-        tail = np.array([0.9, 0.02, 0.02], np.float32) * glow * np.float32(0.25)
-        radiance[lamps] += np.where((surfaces.lamps[lamps] == HEAD_LAMP)[:, None], head, tail)
+        head = np.array([[1.0], [0.97], [0.9]], np.float32) * glow
+        tail = np.array([[0.9], [0.02], [0.02]], np.float32) * glow * np.float32(0.25)
+        radiance[:, lamps] += np.where(surfaces.lamps[lamps] == HEAD_LAMP, head, tail)
 
     def _panes(self, radiance: Float32, surfaces: Surfaces, rays: Float32) -> None:
         panes = surfaces.panes
         if not len(panes.rays):
             return
-        fresnel, mirrored = _reflected(
-            rays[panes.rays, 3:], panes.normals, np.full(len(panes.rays), PANE_SPECULAR)
-        )
-        np.multiply.at(radiance, panes.rays, panes.transmittance[:, None])
-        np.add.at(radiance, panes.rays, fresnel[:, None] * self._sky.luminance(mirrored))
+        specular = np.full(len(panes.rays), PANE_SPECULAR)
+        fresnel, mirrored = _reflected(_directions(rays, panes.rays), panes.normals, specular)
+        image = self._sky.luminance(mirrored) * fresnel
+        for channel in range(3):
+            np.multiply.at(radiance[channel], panes.rays, panes.transmittance)
+            np.add.at(radiance[channel], panes.rays, image[channel])
+
+
+def _directions(rays: Float32, chosen: npt.NDArray[np.int64]) -> Float32:
+    """Directions (3, N) of the chosen rays."""
+    directions: Float32 = np.ascontiguousarray(np.take(rays[:, 3:], chosen, axis=0).T)
+    return directions
 
 
 def _reflected(directions: Float32, normals: Float32, specular: Float32) -> tuple[Float32, Float32]:
-    """Reflectance (N,) after Schlick 1994, and mirrored directions (N, 3)."""
-    cos = -np.einsum("ij,ij->i", directions, normals)
-    away = 1 - np.clip(cos, 0, 1)
+    """Reflectance (N,) after Schlick 1994, and mirrored directions (3, N), of either side of a surface."""
+    cos = -(directions * normals).sum(axis=0)
+    away = 1 - np.minimum(np.abs(cos), 1)
     square = away * away
     fresnel: Float32 = specular + (1 - specular) * (square * square * away)
-    mirrored: Float32 = directions + (2 * cos)[:, None] * normals
+    mirrored: Float32 = directions + (2 * cos) * normals
     return fresnel, mirrored
 
 
-def _low_beams(
-    surfaces: Surfaces, rays: Float32, solid: npt.NDArray[np.int64], normals: Float32, map_SE3_base: Float64
-) -> Float32:
+def _low_beams(surfaces: Surfaces, map_SE3_base: Float64) -> Float32:
     """Illuminance / pi (K,) of the surfaces by the vehicle's own low beams, with their cut-off."""
     lamp = (map_SE3_base @ [1.9, 0.0, 0.65, 1.0])[:3].astype(np.float32)
-    axes = map_SE3_base[:3, :3].astype(np.float32)
-    away = rays[solid, :3] + surfaces.range_m[solid, None] * rays[solid, 3:] - lamp
-    ahead, left, up = (away @ axes).T
-    distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", away, away)), np.float32(0.5))
+    away = surfaces.points_m - lamp[:, None]
+    ahead, left, up = map_SE3_base[:3, :3].T.astype(np.float32) @ away
+    square = np.maximum((away * away).sum(axis=0), np.float32(0.25))
     forward = np.maximum(ahead, np.float32(0.1))
     across, height = left / forward, up / forward + np.float32(0.008)
     upper = np.where(height > 0, np.float32(0.02), np.float32(0.16))
     beam = np.exp(-np.square(across / np.float32(0.38)) - np.square(height / upper)) * (ahead > 0)
-    cos = np.maximum(-np.einsum("ij,ij->i", away, normals) / distance, 0)
-    lit: Float32 = np.float32(BEAM_KLX_M2 / np.pi) * beam * cos / np.square(distance)
+    cos = np.maximum(-(away * surfaces.normals).sum(axis=0) / np.sqrt(square), 0)
+    lit: Float32 = np.float32(BEAM_KLX_M2 / np.pi) * beam * cos / square
     return lit

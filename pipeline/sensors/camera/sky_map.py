@@ -36,20 +36,23 @@ class SkyMap:
         sky = daylight.sky(directions)
         self.ground = self._ground(sky, directions)
         clouded = _with_clouds(sky, directions, daylight, rng)
-        self._map: Float32 = clouded.astype(np.float32)
+        self._map: Float32 = np.ascontiguousarray(clouded.T, np.float32)
         self.ambient = self._ambient(clouded, directions).astype(np.float32)
         self.horizon: Float32 = clouded[np.abs(directions[:, 2] - 0.05) < 0.03].mean(axis=0).astype(np.float32)
 
     def luminance(self, directions: Float32) -> Float32:
-        """The luminance (N, 3) towards unit vectors (N, 3); that of the ground below the horizon."""
-        up = directions[:, 2]
+        """The luminance (3, N) towards unit vectors (3, N); that of the ground below the horizon."""
+        x, y, up = directions
         scale = np.float32(SIDE / 2.1) / (1 + np.maximum(up, np.float32(0)))
         half = np.float32(SIDE / 2)
-        column = (directions[:, 0] * scale + half).astype(np.int32)
-        row = (directions[:, 1] * scale + half).astype(np.int32)
-        found = self._map[row * SIDE + column]
+        place = (y * scale + half).astype(np.int32)
+        place *= SIDE
+        place += (x * scale + half).astype(np.int32)
+        found = np.empty((3, len(up)), np.float32)
+        for channel in range(3):
+            np.take(self._map[channel], place, out=found[channel], mode="clip")
         below = np.flatnonzero(up < 0)
-        found[below] = self.ground
+        found[:, below] = self.ground[:, None]
         return found
 
     def _ground(self, sky: Float64, directions: Float64) -> Float32:
@@ -84,12 +87,10 @@ def _with_clouds(
 ) -> Float64:
     """Fair-weather clouds in a clear sky; the unevenness of a covered one."""
     far = 1 / np.maximum(directions[:, 2], 0.04)
-    noise = _cloud_noise(rng)
-    u, v = directions[:, 0] * far * 42, directions[:, 1] * far * 42
-    cloud = noise[(np.floor(v).astype(np.int64) % 1024), (np.floor(u).astype(np.int64) % 1024)]
+    cloud = _sampled(_cloud_noise(rng), directions[:, 0] * far * 42, directions[:, 1] * far * 42)
     if daylight.is_overcast:
         return sky * (1 + 0.10 * np.clip(cloud, -2, 2) * np.clip(directions[:, 2] * 3, 0, 1))[:, None]
-    cover = np.clip((cloud - 0.55) * 0.9, 0, 1)
+    cover = np.clip((cloud - 0.5) * 1.1, 0, 1)
     cover *= np.clip((directions[:, 2] - 0.02) * 7, 0, 1)
     cover = cover * cover * (3 - 2 * cover) * 0.85
     brightness = sky[:, 1].mean() * 1.1 + daylight.sun_light * max(daylight.sun[2], 0.05) ** 0.5 / np.pi * 0.55
@@ -97,12 +98,24 @@ def _with_clouds(
     return sky * (1 - cover)[:, None] + cover[:, None] * shade[:, None] * brightness
 
 
+def _sampled(noise: Float64, u: Float64, v: Float64) -> Float64:
+    """Periodic noise (1024, 1024) at places (N,), bilinear."""
+    column, row = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+    right, down = u - column, v - row
+    a, b = (
+        noise[(row + k) % 1024, column % 1024] * (1 - right) + noise[(row + k) % 1024, (column + 1) % 1024] * right
+        for k in (0, 1)
+    )
+    sampled: Float64 = a * (1 - down) + b * down
+    return sampled
+
+
 def _cloud_noise(rng: np.random.Generator) -> Float64:
     """Periodic noise (1024, 1024) of unit variance with a steep spectrum."""
     frequency = np.fft.fftfreq(1024)
     radius = np.hypot(frequency[:, None], frequency)
     radius[0, 0] = np.inf
-    spectrum = np.fft.fft2(rng.standard_normal((1024, 1024))) / (radius + 0.004) ** 1.75
+    spectrum = np.fft.fft2(rng.standard_normal((1024, 1024))) / (radius + 0.004) ** 1.9
     noise = np.fft.ifft2(spectrum).real
     scaled: Float64 = noise / noise.std()
     return scaled

@@ -20,7 +20,7 @@ NO_LAMP, HEAD_LAMP, TAIL_LAMP = 0, 1, 2
 @dataclass(frozen=True)
 class PaneViews:
     """E passages of rays through window panes. rays: (E,) int64. transmittance: (E,) float32, one-way.
-    normals: (E, 3) float32, unit vectors towards the camera."""
+    normals: (3, E) float32, unit vectors towards the camera."""
 
     rays: Int64
     transmittance: Float32
@@ -29,26 +29,31 @@ class PaneViews:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The first opaque surface of each of R rays, and the window panes before it.
+    """The first opaque surface of the K of R rays that meet one, and the window panes before it.
 
-    range_m: (R,) float32, infinite where a ray hits nothing. normals: (R, 3) float32, unit vectors towards
-    the camera. colour: (R, 3) float32, linear diffuse reflectance of visible light in the primaries of sRGB.
-    specular: (R,) float32, reflectance of a smooth surface at normal incidence. is_thin: (R,) bool, whether
-    light shines through, as through leaves. is_fine: (R,) bool, whether it has detail below a pixel.
-    wets: (R,) bool, whether it is a road that rain wets. lamps: (R,) uint8, see `NO_LAMP`. materials: (R,)
-    uint8, equal within one material. tags: (R,) uint8, CARLA's. objects: (R,) int32, index into the road
-    users; -1 for everything else. All but range_m and objects are arbitrary where a ray hits nothing.
+    Vectors are stored component by component, in three long rows: numpy is slow on many short ones.
+
+    rays: (K,) int64, their indices, in any order. range_m: (K,) float32. points_m, normals: (3, K) float32 in the map
+    frame, normals towards the camera. colour: (3, K) float32, linear diffuse reflectance of visible light in
+    the primaries of sRGB. specular: (K,) float32, reflectance of a smooth surface at normal incidence. is_thin:
+    (K,) bool, whether light shines through, as through leaves. is_fine: (K,) bool, whether it has detail below
+    a pixel. wets: (K,) bool, whether it is a road that rain wets. is_inside: (K,) bool, whether it is in a room
+    or a vehicle. lamps: (K,) uint8, see `NO_LAMP`. materials: (K,) uint8, equal within one material. tags: (K,)
+    uint8, CARLA's. objects: (K,) int32, index into the road users; -1 for everything else.
     alone_rays, alone_users: (N,) int64, all pairs of a ray and a road user that it would hit if nothing else
     were there.
     """
 
+    rays: Int64
     range_m: Float32
+    points_m: Float32
     normals: Float32
     colour: Float32
     specular: Float32
     is_thin: npt.NDArray[np.bool_]
     is_fine: npt.NDArray[np.bool_]
     wets: npt.NDArray[np.bool_]
+    is_inside: npt.NDArray[np.bool_]
     lamps: npt.NDArray[np.uint8]
     materials: npt.NDArray[np.uint8]
     tags: npt.NDArray[np.uint8]
@@ -74,7 +79,7 @@ class VisibleSurroundings(Protocol):
         ...
 
     def is_shaded(self, points_m: Float32, sun: Float32, range_m: float) -> npt.NDArray[np.bool_]:
-        """Whether anything, the sensors' own vehicle included, is between points (N, 3) and the sun.
+        """Whether anything, the sensors' own vehicle included, is between points (3, N) and the sun.
 
         sun: (3,) unit vector towards it. range_m: of the road users that cast shadows.
         """

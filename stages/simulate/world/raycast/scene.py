@@ -97,6 +97,7 @@ class Scene:
         # The last entry, beyond the triangles, is for rays that hit nothing.
         self._materials = np.append(mesh.materials, np.uint8(0))
         self._parts = None if parts is None else np.append(parts, np.int32(-1))
+        self._normals = np.ascontiguousarray(mesh.unit_normals().T, np.float32)
         self._is_pane = np.append(TRANSMITTANCE[mesh.materials] > 0, False)
         self._scene = o3d.t.geometry.RaycastingScene()
         if len(mesh.triangles):
@@ -183,6 +184,11 @@ class Scene:
         found: npt.NDArray[np.uint8] = self._materials[triangles]
         return found
 
+    def normals_of(self, triangles: npt.NDArray[np.int32], out: Float32) -> None:
+        """Write the normals, of either side, of triangles (N,) as rows (3, N)."""
+        for axis in range(3):
+            out[axis] = np.take(self._normals[axis], triangles, mode="clip")
+
     def is_occluded(self, rays: Float32) -> npt.NDArray[np.bool_]:
         """Whether each ray (R, 6) meets anything, panes included."""
         if len(self._materials) == 1:
@@ -193,7 +199,7 @@ class Scene:
     def _nearest(
         self, rays: Float32, parts: npt.NDArray[np.int32] | None
     ) -> tuple[Float32, Float32, npt.NDArray[np.int32]]:
-        """Range, normal towards the origin, and triangle of the first hit of each ray."""
+        """Range, normal (of either side), and triangle of the first hit of each ray."""
         count = len(rays)
         if len(self._materials) == 1 or not count:
             nothing = np.full(count, np.inf, np.float32), np.zeros((count, 3), np.float32)
@@ -205,8 +211,6 @@ class Scene:
         if parts is not None and self._parts is not None:
             other = self._parts[triangles] != parts
             range_m[other], triangles[other] = np.inf, -1
-        away = np.einsum("ij,ij->i", normals, rays[:, 3:]) > 0
-        normals *= np.where(away, np.float32(-1), np.float32(1))[:, None]
         return range_m, normals, triangles
 
 

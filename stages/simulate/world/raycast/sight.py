@@ -13,7 +13,7 @@ Float32 = npt.NDArray[np.float32]
 @dataclass(frozen=True)
 class Glimpses:
     """E passages of rays through panes. rays: (E,) int64. range_m, transmittance: (E,) float32, one-way.
-    normals: (E, 3) float32, towards the ray's origin."""
+    normals: (E, 3) float32, of either side."""
 
     rays: npt.NDArray[np.int64]
     range_m: Float32
@@ -25,7 +25,7 @@ class Glimpses:
 class Sight:
     """The first opaque triangle that each of R rays meets, and the panes before it.
 
-    range_m: (R,) float32, infinite for none. normals: (R, 3) float32, towards the ray's origin. triangles:
+    range_m: (R,) float32, infinite for none. normals: (R, 3) float32, of either side. triangles:
     (R,) int32, -1 for none.
     """
 

@@ -42,6 +42,7 @@ class StaticLook:
         middles = mesh.vertices_m[mesh.triangles].mean(axis=1) if len(mesh.triangles) else np.zeros((0, 3))
         self._tint_leaves(rng)
         self._tint_houses(middles[:, :2], footprints, rng)
+        self._channels = [np.ascontiguousarray(channel) for channel in self._colours.T]
 
     def _tint_leaves(self, rng: np.random.Generator) -> None:
         leaves = np.flatnonzero([TEXTURE[each] == "leaves" for each in self._materials])
@@ -62,32 +63,43 @@ class StaticLook:
         tints = HOUSE_TINTS[rng.integers(len(HOUSE_TINTS), size=len(footprints))]
         self._colours[walls] = np.minimum(self._colours[walls] * tints[house], np.float32(0.9))
 
-    def colours(
-        self, triangles: npt.NDArray[np.int32], points_m: Float32, normals: Float32, detail_m: Float32
-    ) -> Float32:
-        """The colours (N, 3) at points (N, 3) on triangles (N,); detail_m: (N,) size of a pixel there."""
-        materials = self._materials[triangles]
-        colours = self._colours[triangles]
-        order = np.argsort(materials, kind="stable")
-        present, starts = np.unique(materials[order], return_index=True)
-        for material, chosen in zip(present, np.split(order, starts[1:]), strict=True):
-            if material == MATERIAL_ID["sign"]:
-                colours[chosen] = self._faces.colours(triangles[chosen], points_m[chosen])
-            elif TEXTURE[material] != "plain":
-                patch = _patch(points_m[chosen], normals[chosen], detail_m[chosen])
-                colours[chosen] *= TEXTURES[TEXTURE[material]](patch)[:, None]
-        return colours
+    def paint(
+        self,
+        colour: Float32,
+        materials: UInt8,
+        triangles: npt.NDArray[np.int32],
+        points_m: Float32,
+        normals: Float32,
+        detail_m: Float32,
+    ) -> None:
+        """Write the colours of the first N of K points (3, K), which are in the order of their materials (N,).
+
+        colour, normals: (3, K). triangles: (N,). detail_m: (K,), size of a pixel there.
+        """
+        present, starts = np.unique(materials, return_index=True)
+        factor = np.ones(len(materials), np.float32)
+        ends = [*starts[1:].tolist(), len(materials)]
+        for channel in range(3):
+            np.take(self._channels[channel], triangles, out=colour[channel, : len(materials)], mode="clip")
+        for material, start, end in zip(present, starts.tolist(), ends, strict=True):
+            part = slice(start, end)
+            if TEXTURE[material] != "plain":
+                patch = _patch(points_m[:, part], normals[:, part], detail_m[part])
+                factor[part] = TEXTURES[TEXTURE[material]](patch)
+            elif material == MATERIAL_ID["sign"]:
+                colour[:, part] = self._faces.colours(triangles[part], points_m[:, part].T).T
+        colour[:, : len(materials)] *= factor
 
 
 def _patch(points_m: Float32, normals: Float32, detail_m: Float32) -> Patch:
     """Coordinates in the surface: those of the map on level ground, along and up on walls."""
-    x_m, y_m, z_m = points_m.T
-    steep = np.flatnonzero(np.abs(normals[:, 2]) < _STEEP)
+    x_m, y_m, z_m = points_m
+    steep = np.flatnonzero(np.abs(normals[2]) < _STEEP)
     if not len(steep):
         return Patch(x_m, y_m, z_m, detail_m)
     along_m, up_m = x_m.copy(), y_m.copy()
-    across = normals[steep, :2]
-    across /= np.maximum(np.hypot(across[:, 0], across[:, 1]), np.float32(1e-6))[:, None]
-    along_m[steep] = y_m[steep] * across[:, 0] - x_m[steep] * across[:, 1]
+    across_x, across_y = normals[0, steep], normals[1, steep]
+    length = np.maximum(np.hypot(across_x, across_y), np.float32(1e-6))
+    along_m[steep] = (y_m[steep] * across_x - x_m[steep] * across_y) / length
     up_m[steep] = z_m[steep]
     return Patch(along_m, up_m, z_m, detail_m)

@@ -62,9 +62,13 @@ def white_noise(x_m: Float32, y_m: Float32, cell_m: float) -> Float32:
 
 def _lookup(tile: Float32, x_m: Float32, y_m: Float32, cell_m: float) -> Float32:
     per_m = np.float32(1 / cell_m)
-    column = np.floor(x_m * per_m).astype(np.int32) & (SIZE - 1)
-    row = np.floor(y_m * per_m).astype(np.int32) & (SIZE - 1)
-    return tile[row * SIZE + column]
+    place = (y_m * per_m).astype(np.int32)
+    place &= SIZE - 1
+    place *= SIZE
+    column = (x_m * per_m).astype(np.int32)
+    column &= SIZE - 1
+    place += column
+    return np.take(tile, place, mode="clip")
 
 
 def _fade(patch: Patch, size_m: float) -> Float32:
@@ -111,11 +115,11 @@ def _slabs(patch: Patch) -> Float32:
 
 def _paving(patch: Patch) -> Float32:
     """Paving stones in a half bond."""
-    return _bond(patch, 0.2, 0.1, 0.012, 0.1)
+    return _bond(patch, 0.2, 0.1, 0.012, 0.06)
 
 
 def _bricks(patch: Patch) -> Float32:
-    return _bond(patch, 0.25, 0.083, 0.012, 0.14)
+    return _bond(patch, 0.25, 0.083, 0.012, 0.12)
 
 
 def _bond(patch: Patch, long_m: float, high_m: float, joint_m: float, contrast: float) -> Float32:

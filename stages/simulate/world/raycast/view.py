@@ -22,7 +22,7 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TEXTURE,
 )
 from advpipe.stages.simulate.world.raycast.scene import Scene
-from advpipe.stages.simulate.world.raycast.sight import Glimpses, Sight
+from advpipe.stages.simulate.world.raycast.sight import Sight
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
 
 Float32 = npt.NDArray[np.float32]
@@ -47,6 +47,8 @@ _STATIC_TAGS = np.array([TAG[_TAG_OF_CLASS[SEMANTIC_CLASSES[each]]] for each in 
 _STATIC_TAGS[MATERIAL_ID["rail"]] = TAG["GuardRail"]
 _IS_THIN = np.array([texture == "leaves" for texture in TEXTURE])
 _IS_FINE = np.array([name in ("sign", "plate", "lamp") for name in MATERIAL_ID])
+_LAST = np.uint8(255)
+_IS_ROOM = np.array([name == "room" for name in MATERIAL_ID])
 _WETS = np.array([SEMANTIC_CLASSES[each] in ("road", "marking", "pavement") for each in SEMANTIC])
 
 
@@ -63,52 +65,74 @@ class Viewer:
         seen = self._bodies.candidate_sights(rays, users)
         alone = np.flatnonzero(seen.sight.triangles >= 0)
         first = _first(static, seen, alone)
-        range_m, normals = static.range_m, static.normals
-        objects = np.full(len(rays), -1, np.int32)
         own = seen.rays[first]
-        objects[own] = seen.users[first]
-        range_m[own], normals[own] = seen.sight.range_m[first], seen.sight.normals[first]
-        materials = np.zeros(len(rays), np.uint8)
-        colour, lamps = np.zeros((len(rays), 3), np.float32), np.zeros(len(rays), np.uint8)
-        fixed = np.flatnonzero((static.triangles >= 0) & (objects < 0))
-        points_m = _points(rays, range_m, fixed)
-        materials[fixed] = self._static.materials_of(static.triangles[fixed])
-        detail_m = range_m[fixed] * np.float32(pixel_rad)
-        grazing = np.abs(np.einsum("ij,ij->i", normals[fixed], rays[fixed, 3:]))
-        detail_m /= np.maximum(np.sqrt(grazing), np.float32(0.05))
-        colour[fixed] = self._look.colours(static.triangles[fixed], points_m, normals[fixed], detail_m)
+        static.range_m[own] = seen.sight.range_m[first]
+        candidate_of = np.full(len(rays), -1, np.int32)
+        candidate_of[own] = first
+        # In the order of materials, so that each is one slice; road users come last.
+        keys = self._static.materials_of(static.triangles)
+        keys[own] = _LAST
+        met = np.flatnonzero(np.isfinite(static.range_m))
+        met = met[np.argsort(keys[met], kind="stable")]
+        materials = keys[met]
+        fixed = int(np.searchsorted(materials, _LAST))
+        range_m, triangles = static.range_m[met], static.triangles[met[:fixed]]
+        directions = np.stack([np.take(rays[:, axis], met, mode="clip") for axis in (3, 4, 5)])
+        points_m = directions * range_m
+        points_m += rays[0, :3, None] if len(rays) else 0
+        candidates = candidate_of[met[fixed:]]
+        normals = np.empty_like(directions)
+        self._static.normals_of(triangles, normals[:, :fixed])
+        normals[:, fixed:] = seen.sight.normals[candidates].T
+        cos = normals[0] * directions[0]
+        cos += normals[1] * directions[1]
+        cos += normals[2] * directions[2]
+        normals *= -np.copysign(np.float32(1), cos)
+        colour, lamps = np.empty_like(directions), np.zeros(len(met), np.uint8)
+        detail_m = range_m * np.float32(pixel_rad) / np.sqrt(np.maximum(np.abs(cos), np.float32(0.003)))
+        self._look.paint(colour, materials[:fixed], triangles, points_m, normals, detail_m)
+        objects = np.full(len(met), -1, np.int32)
+        user_of = seen.users[candidates]
+        objects[fixed:] = user_of
+        if len(user_of):
+            materials[fixed:] = self._body_look.materials(seen.sight.triangles[candidates])
+            local_m = _local_points(points_m[:, fixed:].T, users, user_of)
+            of_bodies, lamps[fixed:] = self._body_look.colours(materials[fixed:], users, user_of, local_m)
+            colour[:, fixed:] = of_bodies.T
         tags = _STATIC_TAGS[materials]
-        if len(own):
-            materials[own] = self._body_look.materials(seen.sight.triangles[first])
-            user_of = seen.users[first]
-            local_m = _local_points(_points(rays, range_m, own), users, user_of)
-            colour[own], lamps[own] = self._body_look.colours(materials[own], users, user_of, local_m)
-            tags[own] = body_tags(materials[own], users, user_of)
-        tags[~np.isfinite(range_m)] = TAG["Sky"]
+        tags[fixed:] = body_tags(materials[fixed:], users, user_of) if len(user_of) else 0
+        is_inside = _IS_ROOM[materials]
+        panes = _panes(static, seen)
+        through = np.zeros(len(rays), np.bool_)
+        through[panes.rays] = True
+        is_inside |= through[met] & (objects >= 0)
         return Surfaces(
+            met,
             range_m,
+            points_m,
             normals,
             colour,
             SPECULAR[materials],
             _IS_THIN[materials],
             _IS_FINE[materials],
             _WETS[materials],
+            is_inside,
             lamps,
             materials,
             tags,
             objects,
-            _panes(range_m, static.panes, seen),
+            panes,
             seen.rays[alone],
             seen.users[alone],
         )
 
     def is_shaded(self, points_m: Float32, sun: Float32, users: Sequence[RoadUser]) -> npt.NDArray[np.bool_]:
-        """Whether the scene or a road user is between points (N, 3) and the sun, in the direction (3,)."""
-        rays = np.empty((len(points_m), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = points_m, sun
+        """Whether the scene or a road user is between points (3, N) and the sun, in the direction (3,)."""
+        rays = np.empty((points_m.shape[1], 6), np.float32)
+        rays[:, :3], rays[:, 3:] = points_m.T, sun
         shaded = self._static.is_occluded(rays)
         lit = np.flatnonzero(~shaded)
-        shaded[lit] = self._bodies.shades(points_m[lit], sun, users)
+        shaded[lit] = self._bodies.shades(np.take(rays[:, :3], lit, axis=0), sun, users)
         return shaded
 
 
@@ -127,17 +151,15 @@ def _first(
     static: Sight, seen: CandidateSights, alone: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.int64]:
     """The candidates that are the nearest surface of their ray, one a ray."""
-    nearest_m = static.range_m.copy()
-    np.minimum.at(nearest_m, seen.rays[alone], seen.sight.range_m[alone])
     rays, range_m = seen.rays[alone], seen.sight.range_m[alone]
-    first = alone[(range_m == nearest_m[rays]) & (range_m < static.range_m[rays])]
-    _, once = np.unique(seen.rays[first], return_index=True)
-    return first[once]
-
-
-def _points(rays: Float32, range_m: Float32, chosen: npt.NDArray[np.int64]) -> Float32:
-    points: Float32 = rays[chosen, :3] + range_m[chosen, None] * rays[chosen, 3:]
-    return points
+    nearer = range_m < static.range_m[rays]
+    rays, range_m, chosen = rays[nearer], range_m[nearer], alone[nearer]
+    nearest_m = np.full(len(static.range_m), np.inf, np.float32)
+    np.minimum.at(nearest_m, rays, range_m)
+    first = range_m == nearest_m[rays]
+    last = np.full(len(static.range_m), -1, np.int64)
+    last[rays[first]] = chosen[first]  # one of those at the same range
+    return last[last >= 0]
 
 
 def _local_points(points_m: Float32, users: Sequence[RoadUser], user_of: npt.NDArray[np.int64]) -> Float32:
@@ -147,10 +169,11 @@ def _local_points(points_m: Float32, users: Sequence[RoadUser], user_of: npt.NDA
     return local
 
 
-def _panes(range_m: Float32, static: Glimpses, seen: CandidateSights) -> PaneViews:
-    """The panes before the surfaces that rays see."""
+def _panes(static: Sight, seen: CandidateSights) -> PaneViews:
+    """The panes before the surfaces that rays see; `static` has the range of the nearest one."""
     moving = seen.sight.panes
-    rays = np.concatenate([static.rays, seen.rays[moving.rays]])
-    near = np.concatenate([static.range_m, moving.range_m]) < range_m[rays]
-    transmittance = np.concatenate([static.transmittance, moving.transmittance])
-    return PaneViews(rays[near], transmittance[near], np.concatenate([static.normals, moving.normals])[near])
+    rays = np.concatenate([static.panes.rays, seen.rays[moving.rays]])
+    near = np.concatenate([static.panes.range_m, moving.range_m]) < static.range_m[rays]
+    transmittance = np.concatenate([static.panes.transmittance, moving.transmittance])
+    normals = np.concatenate([static.panes.normals, moving.normals])[near]
+    return PaneViews(rays[near], transmittance[near], np.ascontiguousarray(normals.T))
