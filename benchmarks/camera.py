@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import resource
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -136,7 +135,11 @@ def main() -> None:
     given = parser.parse_args()
     step_s = load_scenario(given.scenario, given.set).simulation.step_s
     size = ", ".join(key.replace("=", ": ") for key in (LARGE if given.large else SMALL))
-    keys = [NOON, f"simulation.duration_s={given.frames * step_s}", f"sensors.cameras={{front: {{{size}, fov: 70}}}}"]
+    keys = [
+        NOON,
+        f"simulation.duration_s={given.frames * step_s}",
+        f"sensors.cameras={{front: {{{size}, fov: 70}}}}",
+    ]
     keys += [*_radar_keys()] if given.stage else ["sensors.lidars={}"]
     scenario = load_scenario(given.scenario, [*keys, *given.set])
     finish(_stage(scenario, given.frames) if given.stage else _ratio(scenario, given.frames, given.large))
@@ -173,12 +176,18 @@ def _ratio(scenario: Any, frames: int, is_large: bool) -> bool:
         f"{scenario.name}: {frames} frames, {bare.primary / frames:,.0f} primary and "
         f"{bare.shadow / frames:,.0f} shadow rays a frame"
     )
-    print(f"camera                 {1000 * ours_s / frames:9.1f} ms a frame, {1000 * own_s / frames:.1f} of processor")
+    print(
+        f"camera                 {1000 * ours_s / frames:9.1f} ms a frame, "
+        f"{1000 * own_s / frames:.1f} of processor"
+    )
     print(
         f"bare casting           {1000 * bare.clock.wall_s / frames:9.1f} ms a frame, "
         f"{1000 * bare.clock.processor_s / frames:.1f} of processor"
     )
-    print(f"most memory            {memory[-1]:9.0f} MB, {memory[-1] - memory[len(memory) // 3]:.0f} MB since a third")
+    print(
+        f"most memory            {memory[-1]:9.0f} MB, "
+        f"{memory[-1] - memory[len(memory) // 3]:.0f} MB since a third of the frames"
+    )
     ratio = ours_s / bare.clock.wall_s
     print(f"ratio in processor time{own_s / bare.clock.processor_s:9.2f}")
     verdict = "printed only" if is_large else f"mark: at most {MARK}"

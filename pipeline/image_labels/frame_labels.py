@@ -10,8 +10,8 @@ from advpipe.pipeline.geometry.boxes import CLASSES, count_points
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.image_labels.label_camera import CameraAtFrame
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
-from advpipe.pipeline.kitti.occlusion import occlusion_level
 from advpipe.pipeline.kitti.object_label import ObjectLabel, camera_box, observation_angle
+from advpipe.pipeline.kitti.occlusion import occlusion_level
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.messages.cloud import xyz
 

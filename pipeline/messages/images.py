@@ -18,7 +18,9 @@ Box2D = tuple[int, int, int, int]
 
 def jpeg_message(stamp_ns: int, frame_id: str, rgb: npt.NDArray[np.uint8], quality: int) -> Any:
     """sensor_msgs/CompressedImage of an image (H, W, 3), in the format of compressed_image_transport."""
-    return _compressed(stamp_ns, frame_id, "rgb8; jpeg compressed bgr8", _encoded(rgb, "JPEG", quality=quality))
+    return _compressed(
+        stamp_ns, frame_id, "rgb8; jpeg compressed bgr8", _encoded(rgb, "JPEG", quality=quality)
+    )
 
 
 def png_message(stamp_ns: int, frame_id: str, image: npt.NDArray[Any]) -> Any:
@@ -71,9 +73,7 @@ def camera_info_message(
     )
 
 
-def image_boxes_message(
-    stamp_ns: int, frame_id: str, boxes: Sequence[tuple[str, str, float, Box2D]]
-) -> Any:
+def image_boxes_message(stamp_ns: int, frame_id: str, boxes: Sequence[tuple[str, str, float, Box2D]]) -> Any:
     """vision_msgs/Detection2DArray of boxes with id, class, score and edges; a box covers whole pixels."""
     header = message_header(stamp_ns, frame_id)
     return message_class("vision_msgs/msg/Detection2DArray")(

@@ -46,7 +46,7 @@ class Cameras(MountedSensor[CameraSensor]):
             message
             for name, view in views.items()
             for message in camera_messages(
-                self._vehicle, name, self._sections[name], instant.stamp_ns, view, self._ids, boxes.ids
+                self._vehicle, name, self._sections[name], instant.stamp_ns, view, self._ids
             )
         ]
         return Reading(messages, road_users=boxes.ids)

@@ -11,10 +11,10 @@ from advpipe.pipeline.sensors.camera.lens import Lens
 
 Float32 = npt.NDArray[np.float32]
 
-REACH_M = 1.2
-NEAR_M = 45.0
+REACH_M = 0.9
+NEAR_M = 35.0
 DEEPEST = np.float32(0.82)
-FADE_M = np.float32(0.38)
+FADE_M = np.float32(0.3)
 
 
 def openness(
@@ -36,12 +36,14 @@ def openness(
     wide[:, 3:5] += 2 * REACH_M
     near = np.linalg.norm(wide[:, :2] - map_SE3_optical[:2, 3], axis=1) < NEAR_M
     optical_SE3_map = invert(map_SE3_optical)
+    grounded = np.flatnonzero(is_ground.any(axis=1))
+    lowest = slice(int(grounded[0]), height) if len(grounded) else slice(0, 0)
     for box, corners in zip(boxes[near], box_corners(wide[near]), strict=True):
         pixels = lens.project(transform_points(optical_SE3_map, corners[:4]))
         ahead = transform_points(optical_SE3_map, corners[:4])[:, 2] > 0.3
         if not ahead.any():
             continue
-        rows, columns = slice(0, height), slice(0, width)
+        rows, columns = lowest, slice(0, width)
         if np.isfinite(pixels).all() and ahead.all():
             low = np.clip(np.floor(pixels.min(axis=0)) - (0, top), 0, (width, height)).astype(int)
             high = np.clip(np.ceil(pixels.max(axis=0)) + (1, 1 - top), 0, (width, height)).astype(int)

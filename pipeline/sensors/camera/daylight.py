@@ -20,18 +20,16 @@ Float64 = npt.NDArray[np.float64]
 
 TURBIDITY = 2.6
 
-VIVID, BLUER = 1.45, np.array([0.9, 1.0, 1.04])
-"""The model's skies are greyer and more violet than those of photographs; factors on their saturation and
-colours, by eye."""
+VIVID, BLUER = 0.45, np.array([0.9, 1.0, 1.04])
+"""The model's skies are greyer and more violet than those of photographs; what is added to their saturation
+under a high sun, and factors on their colours, by eye."""
 
 NIGHT = np.array([0.0021, 0.0017, 0.0013])
 """Luminance of a city's sky and street lamps at night, in kcd/m^2."""
 
 _J2000_S = 946_728_000.0
 
-XYZ_TO_RGB = np.array(
-    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
-)
+XYZ_TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 """To the linear primaries of sRGB (IEC 61966-2-1)."""
 
 
@@ -52,6 +50,23 @@ def sun_direction(stamp_ns: int, latitude_deg: float, longitude_deg: float) -> F
             np.sin(latitude) * np.sin(declination) + np.cos(latitude) * np.cos(declination) * np.cos(hour),
         ]
     )
+
+
+_PEREZ = np.array(
+    [
+        [
+            [0.1787, -0.3554, -0.0227, 0.1206, -0.0670],
+            [-0.0193, -0.0665, -0.0004, -0.0641, -0.0033],
+            [-0.0167, -0.0950, -0.0079, -0.0441, -0.0109],
+        ],
+        [
+            [-1.4630, 0.4275, 5.3251, -2.5771, 0.3703],
+            [-0.2592, 0.0008, 0.2125, -0.8989, 0.0452],
+            [-0.2608, 0.0092, 0.2102, -1.6537, 0.0529],
+        ],
+    ]
+)
+"""Slopes and offsets by turbidity of the five coefficients of Perez et al., for Y, x and y."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +91,7 @@ class Daylight:
     @property
     def is_dark(self) -> bool:
         """Whether vehicles drive with their low beams."""
-        return self.altitude_rad < np.deg2rad(2.0)
+        return bool(self.altitude_rad < np.deg2rad(2.0))
 
     @cached_property
     def sun_light(self) -> Float64:
@@ -101,8 +116,10 @@ class Daylight:
             zenith = 3 / (7 * np.pi) * 9 * (0.3 + 21 * height) * 0.35
             colour = np.array([0.96, 0.995, 1.05])
             grey = zenith * (1 + 2 * up) / 3 * 1.25
-            return grey[:, None] * colour * twilight + night
-        return _preetham(directions, self.sun) * twilight + night
+            clouds: Float64 = grey[:, None] * colour * twilight + night
+            return clouds
+        clear: Float64 = _preetham(directions, self.sun) * twilight + night
+        return clear
 
 
 def _preetham(directions: Float64, sun: Float64) -> Float64:
@@ -113,13 +130,7 @@ def _preetham(directions: Float64, sun: Float64) -> Float64:
     cos = np.maximum(directions[:, 2], 0.02)
     gamma = np.arccos(np.clip(directions @ raised, -1, 1))
     t = TURBIDITY
-    perez = np.array(
-        [
-            [0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771, -0.0670 * t + 0.3703],
-            [-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125, -0.0641 * t - 0.8989, -0.0033 * t + 0.0452],
-            [-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102, -0.0441 * t - 1.6537, -0.0109 * t + 0.0529],
-        ]
-    )  # fmt: skip
+    perez = t * _PEREZ[0] + _PEREZ[1]
     chi = (4 / 9 - t / 120) * (np.pi - 2 * zenith_angle)
     powers = np.array([zenith_angle**3, zenith_angle**2, zenith_angle, 1.0])
     squares = np.array([t * t, t, 1.0])
@@ -160,5 +171,6 @@ def _preetham(directions: Float64, sun: Float64) -> Float64:
     xyz = np.column_stack([luminance * x / y, luminance, luminance * (1 - x - y) / y])
     rgb = np.maximum(xyz @ XYZ_TO_RGB.T, 0.0)
     grey = rgb @ [0.2126, 0.7152, 0.0722]
-    vivid: Float64 = np.maximum(grey[:, None] + VIVID * (rgb - grey[:, None]), 0.0) * BLUER
+    vividness = 1 + VIVID * float(np.clip(altitude / np.deg2rad(25.0), 0, 1))
+    vivid: Float64 = np.maximum(grey[:, None] + vividness * (rgb - grey[:, None]), 0.0) * BLUER
     return vivid

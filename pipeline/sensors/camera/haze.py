@@ -1,7 +1,7 @@
 """The air between a camera and the world: Koschmieder's law in fog, rain and snow.
 
-L = L0 exp(-b d) + A (1 - exp(-b d)): the contrast of a surface falls with its distance d (Koschmieder 1924). The
-extinction coefficient b is that of the LiDAR's air, ln 20 over the meteorological optical range in fog.
+L = L0 exp(-b d) + A (1 - exp(-b d)): the contrast of a surface falls with its distance d (Koschmieder 1924).
+The extinction coefficient b is that of the LiDAR's air, ln 20 over the meteorological optical range in fog.
 """
 
 from __future__ import annotations

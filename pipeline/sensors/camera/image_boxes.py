@@ -65,7 +65,8 @@ def image_objects(boxes: Boxes, layers: Layers, lens: Lens, map_SE3_optical: Flo
     corners = box_corners(boxes.geometry[present]).reshape(-1, 3)
     pixels = lens.project(transform_points(optical_SE3_map, corners)).reshape(-1, 16)
     with np.errstate(invalid="ignore"):
-        is_whole = ((pixels >= 0) & (pixels <= np.tile(np.array(lens.size_px) - 1, 8))).all(axis=1)
+        inside = (pixels >= 0) & (pixels <= np.tile(np.array(lens.size_px) - 1, 8))
+    is_whole: npt.NDArray[np.bool_] = np.asarray(inside.all(axis=1))
     for index, whole in zip(present, is_whole, strict=True):
         box = boxes.geometry[index]
         bottom = transform_points(optical_SE3_map, box[:3] - (0, 0, box[5] / 2))

@@ -176,7 +176,8 @@ class Fisheye(Lens):
         middle_rad = np.linspace(0, self._largest, 4096)
         if np.diff(self._radius(middle_rad)).min() <= 0 or self._largest <= 0:
             raise LensError(
-                "distortion folds back within the field of view: several directions meet in one pixel; lower it"
+                "distortion folds back within the field of view: several directions meet in one pixel; "
+                "lower it"
             )
 
     @cached_property
@@ -187,7 +188,9 @@ class Fisheye(Lens):
         angles = np.linspace(0, np.pi, 8192)
         radius = self._radius(angles)
         beyond = np.flatnonzero(radius >= across * (1 - 1e-12))
-        return float(angles[beyond[0]]) if len(beyond) and not any(self.distortion) else min(across * 1.2, np.pi)
+        return (
+            float(angles[beyond[0]]) if len(beyond) and not any(self.distortion) else min(across * 1.2, np.pi)
+        )
 
     def _radius(self, angle: Float64) -> Float64:
         k1, k2, k3, k4 = self.distortion

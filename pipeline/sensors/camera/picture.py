@@ -19,15 +19,15 @@ Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
 
 MAX_RAYS = 1 << 18
-"""Most rays that are cast at once: their vectors fit the processor's cache, and parts of a picture run side by
-side. The parts, and so the bytes of a picture, do not depend on the number of processors."""
+"""Most rays that are cast at once, for flat memory; parts of a picture run side by side. The parts, and so
+the bytes of a picture, do not depend on the number of processors."""
 
 WORKERS = 2
 
 OFFSETS_PX = ((0.0, -0.36), (0.32, 0.2), (-0.32, 0.2))
 """Where the three further rays of a pixel pass, beside the one through its centre."""
 
-SHADOW_RANGE_M = 90.0
+SHADOW_RANGE_M = 60.0
 """Range of the road users that cast shadows."""
 
 
@@ -121,8 +121,7 @@ class Photographer:
 
         def part(start: int) -> None:
             pixels = chosen[start : start + per_cast]
-            directions = np.concatenate([self._beside(pixels, *offset) for offset in OFFSETS_PX])
-            rays = self._rays(view, directions)
+            rays = self._rays(view, self._beside(pixels))
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = _sun_lit(world, shading, surfaces)
             openness = light[pixels][surfaces.rays % len(pixels)]
@@ -132,18 +131,16 @@ class Photographer:
 
         list(self._workers.map(part, range(0, len(chosen), per_cast)))
 
-    def _beside(self, pixels: Int64, right_px: float, down_px: float) -> Float32:
-        """Directions (K, 3) that pass beside the centres of pixels (K,), by their neighbours'."""
+    def _beside(self, pixels: Int64) -> Float32:
+        """Directions (3 K, 3) that pass beside the centres of pixels (K,), by those of their neighbours."""
         width, height = self.size_px
-        column, row = pixels % width, pixels // width
-        own = self._directions[pixels]
-        aside = np.where(column + 1 < width, 1, -1)
-        below = np.where(row + 1 < height, 1, -1)
-        right = (self._directions[pixels + aside] - own) * (aside * np.float32(right_px)).astype(np.float32)[:, None]
-        down = (self._directions[pixels + below * width] - own) * (below * np.float32(down_px)).astype(np.float32)[
-            :, None
-        ]
-        beside = own + right + down
+        aside = np.where(pixels % width + 1 < width, 1, -1)
+        below = np.where(pixels + width < width * height, width, -width)
+        own = np.take(self._directions, pixels, axis=0)
+        right = (np.take(self._directions, pixels + aside, axis=0) - own) * aside[:, None].astype(np.float32)
+        down = np.take(self._directions, pixels + below, axis=0) - own
+        down *= np.sign(below)[:, None].astype(np.float32)
+        beside = np.concatenate([own + np.float32(x) * right + np.float32(y) * down for x, y in OFFSETS_PX])
         beside /= np.sqrt(np.einsum("ij,ij->i", beside, beside))[:, None]
         return beside
 
@@ -157,9 +154,12 @@ class Photographer:
         """See `openness`, for a band of rows from `top` on."""
         count, width = pixels.stop - pixels.start, self.size_px[0]
         is_ground = np.zeros(count, np.bool_)
-        is_ground[surfaces.rays] = (surfaces.objects < 0) & (surfaces.normals[2] > np.float32(0.7))
+        level = np.flatnonzero((surfaces.objects < 0) & (surfaces.normals[2] > np.float32(0.7)))
+        place = surfaces.rays[level]
+        is_ground[place] = True
         points_m = np.zeros((3, count), np.float32)
-        points_m[:, surfaces.rays] = surfaces.points_m
+        for axis in range(3):
+            points_m[axis, place] = surfaces.points_m[axis, level]
         shape = count // width, width
         return openness(
             boxes, points_m.reshape(3, *shape), is_ground.reshape(shape), self.lens, view.map_SE3_optical, top

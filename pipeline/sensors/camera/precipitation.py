@@ -15,12 +15,13 @@ from advpipe.pipeline.sensors.weather import Weather
 
 Float32 = npt.NDArray[np.float32]
 
-NEAR_M, FAR_M = 0.3, 10.0
-"""Distances between which single particles are seen; nearer ones are out of focus, farther ones a veil."""
+FAR_M = {"rain": 2.5, "snow": 5.0}
+"""Distance up to which single particles are seen; farther ones are a veil."""
 
-MOST = 6000
-VISIBLE_MM = 0.9
-"""Particles from this diameter on are drawn."""
+NEAR_M, HALF_VIEW = 0.2, np.tan(np.deg2rad(50))
+MOST = 12_000
+VISIBLE_MM = 1.2
+"""Particles from this diameter on, of water, are drawn."""
 
 
 def draw_particles(
@@ -43,11 +44,13 @@ def draw_particles(
     if weather.kind not in ("rain", "snow"):
         return
     density, slope_per_mm = _distribution(weather)
-    half = FAR_M * np.tan(np.deg2rad(50))
-    volume_m3 = (2 * half) ** 2 * (FAR_M - NEAR_M)
+    far_m = FAR_M[weather.kind]
+    volume_m3 = (2 * HALF_VIEW) ** 2 * far_m**3 / 3
     expected = density / slope_per_mm * np.exp(-slope_per_mm * VISIBLE_MM) * volume_m3
     count = min(int(rng.poisson(min(expected, 1e6))), MOST)
-    places = rng.uniform((-half, -half, NEAR_M), (half, half, FAR_M), (count, 3))
+    depth_m = np.maximum(far_m * np.cbrt(rng.random(count)), NEAR_M)
+    across = rng.uniform(-HALF_VIEW, HALF_VIEW, (count, 2)) * depth_m[:, None]
+    places = np.column_stack([across, depth_m])
     diameter_mm = VISIBLE_MM + rng.exponential(1 / slope_per_mm, count)
     is_snow = weather.kind == "snow"
     if is_snow:
@@ -61,7 +64,9 @@ def draw_particles(
     starts, ends = lens.project(places), lens.project(places + move)
     width_px = diameter_mm * 1e-3 * lens.matrix[0, 0] / places[:, 2]
     length_px = np.linalg.norm(ends - starts, axis=1)
-    share = np.clip((0.8 if is_snow else 0.94) * width_px / (width_px + length_px) * np.minimum(width_px, 1), 0, 0.7)
+    share = np.clip(
+        (0.8 if is_snow else 0.94) * width_px / (width_px + length_px) * np.minimum(width_px, 1), 0, 0.7
+    )
     height, wide = radiance.shape[1:]
     mask = Image.new("L", (wide, height))
     pen = ImageDraw.Draw(mask)

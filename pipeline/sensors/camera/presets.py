@@ -23,5 +23,5 @@ CAMERA_PRESETS: Mapping[str, Mapping[str, Any]] = {
         "z_m": 0.7,
     },
 }
-"""`front` looks through the windscreen; `kitti` has the projection of most pictures of KITTI's camera 2 (Geiger
-et al. 2013); `fisheye` is a wide-angle camera in a bumper."""
+"""`front` looks through the windscreen; `kitti` has the projection of most pictures of KITTI's camera 2
+(Geiger et al. 2013); `fisheye` is a wide-angle camera in a bumper."""

@@ -39,12 +39,14 @@ BLURRED = 5
 
 @dataclass(frozen=True)
 class CameraView:
-    """One camera's images at one instant. rgb: (H, W, 3) uint8, None where it records none."""
+    """One camera's images at one instant. rgb: (H, W, 3) uint8, None where it records none. ids: of the road
+    users to which the layers refer."""
 
     lens: Lens
     rgb: npt.NDArray[np.uint8] | None
     layers: Layers
     objects: tuple[ImageObject, ...]
+    ids: tuple[str, ...]
 
 
 class CameraRig:
@@ -77,20 +79,22 @@ class CameraRig:
         if not due:
             return {}, Boxes()
         range_m = max(section.range for section in due.values())
-        boxes = instant.world.road_users(range_m)
-        return {name: self._view(name, section, instant) for name, section in due.items()}, boxes
+        by_range = {each: instant.world.road_users(each) for each in {s.range for s in due.values()}}
+        views = {
+            name: self._view(name, section, instant, by_range[section.range]) for name, section in due.items()
+        }
+        return views, by_range[range_m]
 
-    def _view(self, name: str, section: CameraSensor, instant: Instant) -> CameraView:
+    def _view(self, name: str, section: CameraSensor, instant: Instant, boxes: Boxes) -> CameraView:
         world, motion = cast(VisibleSurroundings, instant.world), instant.motion
         photographer, optical = self._photographers[name], self.base_SE3_optical(name)
-        boxes = world.road_users(section.range)
         view = View(motion.map_SE3_base @ optical, motion.map_SE3_base)
         has_colour = "rgb" in section.images
         shading, sky = self._light(instant.stamp_ns)
         radiance, layers = photographer.take(world, view, boxes.geometry, shading if has_colour else None)
         objects = tuple(image_objects(boxes, layers, photographer.lens, view.map_SE3_optical))
         if radiance is None:
-            return CameraView(photographer.lens, None, layers, objects)
+            return CameraView(photographer.lens, None, layers, objects, boxes.ids)
         exposure_s = section.motion_blur_intensity / section.shutter_speed
         twist = np.concatenate([motion.base_velocity_mps, motion.turn_rate_radps])
         if exposure_s:
@@ -112,7 +116,8 @@ class CameraRig:
             sky.horizon,
             rng,
         )
-        return CameraView(photographer.lens, self._exposures[name].develop(radiance, rng), layers, objects)
+        rgb = self._exposures[name].develop(radiance, rng)
+        return CameraView(photographer.lens, rgb, layers, objects, boxes.ids)
 
     def _light(self, stamp_ns: int) -> tuple[Shading, SkyMap]:
         """The light at a time; the sky's picture is made anew now and then."""

@@ -10,7 +10,15 @@ from pydantic import Field, model_validator
 
 from advpipe.pipeline.core.bounds import DriveTimeS, MountingHeightM, MountingM, RangeM
 from advpipe.pipeline.core.nearest import known_names
-from advpipe.pipeline.core.section import NotNegative, Number, Positive, Probability, Reference, Section, Whole
+from advpipe.pipeline.core.section import (
+    NotNegative,
+    Number,
+    Positive,
+    Probability,
+    Reference,
+    Section,
+    Whole,
+)
 from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.sensors.camera.lens import LensError, lens_of
 from advpipe.pipeline.sensors.camera.presets import CAMERA_PRESETS
@@ -42,12 +50,14 @@ class CameraSensor(MountedSection):
 
     preset: Reference | None = Field(
         None,
-        description=f"a known camera ({', '.join(CAMERA_PRESETS)}); other keys given here override its values",
+        description=f"a known camera ({', '.join(CAMERA_PRESETS)}); other keys given here override it",
     )
     x_m: MountingM = Field(0.6, description="mounting position forward of the vehicle's centre")
     y_m: MountingM = Field(0.0, description="mounting position to the left of the vehicle's centre")
     z_m: MountingHeightM = Field(1.5, description="mounting height above the road")
-    roll_deg: Number = Field(0.0, ge=-180, le=180, description="mounting roll; positive lowers the right side")
+    roll_deg: Number = Field(
+        0.0, ge=-180, le=180, description="mounting roll; positive lowers the right side"
+    )
     pitch_deg: Number = Field(0.0, ge=-90, le=90, description="mounting pitch; positive points down")
     yaw_deg: Number = Field(0.0, ge=-180, le=180, description="mounting yaw; positive turns to the left")
     images: tuple[ImageKind, ...] = Field(
@@ -72,7 +82,9 @@ class CameraSensor(MountedSection):
     exposure_speed: Probability = Field(
         0.35, description="share of the way to the new exposure that one image goes; 1: all of it"
     )
-    motion_blur_intensity: Probability = Field(0.0, description="share of the exposure time that blurs; 0: none")
+    motion_blur_intensity: Probability = Field(
+        0.0, description="share of the exposure time that blurs; 0: none"
+    )
     noise: NotNegative = Field(1.0, le=100, description="factor on the sensor's noise; 0: none")
     jpeg_quality: Whole = Field(92, ge=1, le=100, description="quality of the JPEG files of rgb")
 
@@ -104,7 +116,8 @@ class CameraSensor(MountedSection):
     def _lens(self) -> CameraSensor:
         if self.projection == "pinhole" and self.intrinsics is None and self.fov > MAX_PINHOLE_FOV:
             raise ValueError(
-                f"fov {self.fov:g} is over {MAX_PINHOLE_FOV:g}, the most of a pinhole; make projection fisheye"
+                f"fov {self.fov:g} is over {MAX_PINHOLE_FOV:g}, the most of a pinhole; "
+                "make projection fisheye"
             )
         if self.projection == "fisheye" and len(self.distortion) > 4:
             raise ValueError("distortion of a fisheye has four coefficients at most")

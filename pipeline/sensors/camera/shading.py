@@ -67,8 +67,9 @@ class Shading:
     ) -> Float32:
         """Luminance (3, R) in kcd/m^2 of each ray (R, 6).
 
-        is_lit: (K,), whether the sun shines on a surface. openness: (K,), share of the sky that it faces beside
-        what its normal says. beam: pose (4, 4) of the vehicle whose low beams light the scene in the dark.
+        is_lit: (K,), whether the sun shines on a surface. openness: (K,), share of the sky that it faces
+        beside what its normal says. beam: pose (4, 4) of the vehicle whose low beams light the scene in the
+        dark.
         """
         light = self._light(surfaces, is_lit, openness, beam)
         light *= surfaces.colour

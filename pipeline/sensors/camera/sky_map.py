@@ -38,7 +38,9 @@ class SkyMap:
         clouded = _with_clouds(sky, directions, daylight, rng)
         self._map: Float32 = np.ascontiguousarray(clouded.T, np.float32)
         self.ambient = self._ambient(clouded, directions).astype(np.float32)
-        self.horizon: Float32 = clouded[np.abs(directions[:, 2] - 0.05) < 0.03].mean(axis=0).astype(np.float32)
+        self.horizon: Float32 = (
+            clouded[np.abs(directions[:, 2] - 0.05) < 0.03].mean(axis=0).astype(np.float32)
+        )
 
     def luminance(self, directions: Float32) -> Float32:
         """The luminance (3, N) towards unit vectors (3, N); that of the ground below the horizon."""
@@ -68,8 +70,9 @@ class SkyMap:
         light = np.concatenate([sky, np.broadcast_to(self.ground, sky.shape)]) * np.tile(weight, 2)[:, None]
         towards = np.concatenate([directions, below])
         constant = light.sum(axis=0) / (4 * np.pi)
-        linear = towards.T @ light * (2 / 3) * 3 / (4 * np.pi)
-        return np.concatenate([constant[None], linear])
+        linear = towards.T @ light / (2 * np.pi)
+        ambient: Float64 = np.concatenate([constant[None], linear])
+        return ambient
 
 
 def _solid_angles(directions: Float64) -> Float64:
@@ -82,18 +85,20 @@ def _solid_angles(directions: Float64) -> Float64:
     return angles
 
 
-def _with_clouds(
-    sky: Float64, directions: Float64, daylight: Daylight, rng: np.random.Generator
-) -> Float64:
+def _with_clouds(sky: Float64, directions: Float64, daylight: Daylight, rng: np.random.Generator) -> Float64:
     """Fair-weather clouds in a clear sky; the unevenness of a covered one."""
     far = 1 / np.maximum(directions[:, 2], 0.04)
     cloud = _sampled(_cloud_noise(rng), directions[:, 0] * far * 42, directions[:, 1] * far * 42)
     if daylight.is_overcast:
         return sky * (1 + 0.10 * np.clip(cloud, -2, 2) * np.clip(directions[:, 2] * 3, 0, 1))[:, None]
+    if daylight.is_dark:
+        return sky
     cover = np.clip((cloud - 0.5) * 1.1, 0, 1)
     cover *= np.clip((directions[:, 2] - 0.02) * 7, 0, 1)
     cover = cover * cover * (3 - 2 * cover) * 0.85
-    brightness = sky[:, 1].mean() * 1.1 + daylight.sun_light * max(daylight.sun[2], 0.05) ** 0.5 / np.pi * 0.55
+    brightness = (
+        sky[:, 1].mean() * 1.1 + daylight.sun_light * max(daylight.sun[2], 0.05) ** 0.5 / np.pi * 0.55
+    )
     shade = 1.0 - 0.25 * np.clip(cloud - 1.2, 0, 1)
     return sky * (1 - cover)[:, None] + cover[:, None] * shade[:, None] * brightness
 
@@ -103,7 +108,8 @@ def _sampled(noise: Float64, u: Float64, v: Float64) -> Float64:
     column, row = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
     right, down = u - column, v - row
     a, b = (
-        noise[(row + k) % 1024, column % 1024] * (1 - right) + noise[(row + k) % 1024, (column + 1) % 1024] * right
+        noise[(row + k) % 1024, column % 1024] * (1 - right)
+        + noise[(row + k) % 1024, (column + 1) % 1024] * right
         for k in (0, 1)
     )
     sampled: Float64 = a * (1 - down) + b * down

@@ -33,13 +33,14 @@ class Surfaces:
 
     Vectors are stored component by component, in three long rows: numpy is slow on many short ones.
 
-    rays: (K,) int64, their indices, in any order. range_m: (K,) float32. points_m, normals: (3, K) float32 in the map
-    frame, normals towards the camera. colour: (3, K) float32, linear diffuse reflectance of visible light in
-    the primaries of sRGB. specular: (K,) float32, reflectance of a smooth surface at normal incidence. is_thin:
-    (K,) bool, whether light shines through, as through leaves. is_fine: (K,) bool, whether it has detail below
-    a pixel. wets: (K,) bool, whether it is a road that rain wets. is_inside: (K,) bool, whether it is in a room
-    or a vehicle. lamps: (K,) uint8, see `NO_LAMP`. materials: (K,) uint8, equal within one material. tags: (K,)
-    uint8, CARLA's. objects: (K,) int32, index into the road users; -1 for everything else.
+    rays: (K,) int64, their indices, in any order. range_m: (K,) float32. points_m, normals: (3, K) float32
+    in the map frame, normals towards the camera. colour: (3, K) float32, linear diffuse reflectance of
+    visible light in the primaries of sRGB. specular: (K,) float32, reflectance of a smooth surface at normal
+    incidence. is_thin: (K,) bool, whether light shines through, as through leaves. is_fine: (K,) bool,
+    whether it has detail below a pixel. wets: (K,) bool, whether it is a road that rain wets. is_inside:
+    (K,) bool, whether it is in a room or a vehicle. lamps: (K,) uint8, see `NO_LAMP`. materials: (K,) uint8,
+    equal within one material. tags: (K,) uint8, CARLA's. objects: (K,) int32, index into the road users; -1
+    for everything else.
     alone_rays, alone_users: (N,) int64, all pairs of a ray and a road user that it would hit if nothing else
     were there.
     """

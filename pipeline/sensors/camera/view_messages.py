@@ -31,17 +31,17 @@ class InstanceIds:
     def __init__(self) -> None:
         self._ids: dict[str, int] = {}
 
-    def of(self, names: Sequence[str]) -> npt.NDArray[np.int64]:
-        """The ids (M,) of road users by name; beyond 65,535, they are counted anew."""
+    def of(self, names: Sequence[str]) -> list[int]:
+        """The ids of road users by name; beyond 65,535, they are counted anew."""
         for name in names:
             self._ids.setdefault(name, len(self._ids) % 65_535 + 1)
-        return np.array([self._ids[name] for name in names], np.int64)
+        return [self._ids[name] for name in names]
 
 
 def camera_messages(
-    vehicle: str, name: str, section: CameraSensor, stamp_ns: int, view: CameraView, ids: InstanceIds, names: Sequence[str]
+    vehicle: str, name: str, section: CameraSensor, stamp_ns: int, view: CameraView, ids: InstanceIds
 ) -> Iterator[StampedCdr]:
-    """All messages of one camera at one instant. names: of all road users that `Layers.objects` indexes."""
+    """All messages of one camera at one instant."""
     topics, frame_id = VehicleTopics(vehicle), VehicleTopics(vehicle).sensor_frame(name + OPTICAL)
     lens, layers = view.lens, view.layers
 
@@ -51,8 +51,8 @@ def camera_messages(
     if view.rgb is not None:
         jpeg = images.jpeg_message(stamp_ns, frame_id, view.rgb, section.jpeg_quality)
         yield message(topics.camera_image(name, "rgb"), jpeg)
-    numbers = ids.of([names[each] for each in np.unique(layers.objects[layers.objects >= 0])])
-    known = dict(zip(np.unique(layers.objects[layers.objects >= 0]).tolist(), numbers.tolist(), strict=True))
+    shown = np.flatnonzero(layers.visible).tolist()
+    known = dict(zip(shown, ids.of([view.ids[each] for each in shown]), strict=True))
     for kind in section.images:
         if kind != "rgb":
             image = _png_image(kind, layers, lens, known)
@@ -68,7 +68,7 @@ def camera_messages(
     labels = [each.label for each in view.objects]
     yield message(topics.image_labels(name), image_labels_message(stamp_ns, frame_id, labels))
     if "instance_segmentation" in section.images:
-        of_ids = {number: names[index] for index, number in known.items()}
+        of_ids = {number: view.ids[index] for index, number in known.items()}
         yield message(topics.instance_names(name), images.label_info_message(stamp_ns, frame_id, of_ids))
 
 

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.sensors.camera.palette import TAG
 from advpipe.pipeline.sensors.camera.surfaces import HEAD_LAMP, NO_LAMP, TAIL_LAMP
 from advpipe.pipeline.v2x.codec.codes import StationType
 from advpipe.stages.simulate.bodies import Body
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.materials import COLOUR, MATERIAL_ID, SEMANTIC, SEMANTIC_CLASSES
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
-from advpipe.pipeline.sensors.camera.palette import TAG
 
 Float32 = npt.NDArray[np.float32]
 UInt8 = npt.NDArray[np.uint8]
@@ -64,7 +64,9 @@ class BodyLook:
         """Colours (N, 3) and lamps (N,) at points (N, 3) in the frames of their road users (N,)."""
         numbers = np.array([zlib.crc32(user.id.encode()) for user in users], np.int64)[user_of]
         height = np.array([user.variant.height_m for user in users], np.float32)[user_of]
-        is_on_foot = np.array([user.variant.body.label in ("pedestrian", "cyclist") for user in users])[user_of]
+        is_on_foot = np.array([user.variant.body.label in ("pedestrian", "cyclist") for user in users])[
+            user_of
+        ]
         colours = COLOUR[materials]
         colours *= (np.float32(0.9) + (numbers % 17).astype(np.float32) * np.float32(0.012))[:, None]
         lamps = np.full(len(materials), NO_LAMP, np.uint8)
@@ -85,7 +87,9 @@ class BodyLook:
         return colours, lamps
 
 
-def _letter(colours: Float32, plate: npt.NDArray[np.int64], numbers: npt.NDArray[np.int64], y_m: Float32) -> None:
+def _letter(
+    colours: Float32, plate: npt.NDArray[np.int64], numbers: npt.NDArray[np.int64], y_m: Float32
+) -> None:
     """Draw the characters and the blue band of number plates, as seen from outside."""
     place = y_m[plate]
     strokes = (numbers[plate] >> ((place + 0.3) * 55).astype(np.int64) % 24) & 1
@@ -93,9 +97,7 @@ def _letter(colours: Float32, plate: npt.NDArray[np.int64], numbers: npt.NDArray
     colours[plate[np.abs(place) > 0.225]] = (0.03, 0.1, 0.5)
 
 
-def body_tags(
-    materials: UInt8, users: Sequence[RoadUser], user_of: npt.NDArray[np.int64]
-) -> UInt8:
+def body_tags(materials: UInt8, users: Sequence[RoadUser], user_of: npt.NDArray[np.int64]) -> UInt8:
     """CARLA's semantic tags (N,): a person on two wheels is a rider; people in cars belong to the car."""
     of_user = np.array([body_tag(user.variant.body) for user in users], np.uint8)
     tags = of_user[user_of]

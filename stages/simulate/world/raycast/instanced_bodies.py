@@ -35,8 +35,10 @@ class CandidateHits:
 
 @dataclass(frozen=True)
 class CandidateSights:
-    """N pairs of a ray and a road user that it may hit (indices), and what it sees of this user alone; normals
-    are in the map's frame."""
+    """N pairs of a ray and a road user that it may hit (indices), and what it sees of this user alone.
+
+    Normals are in the user's own frame.
+    """
 
     rays: npt.NDArray[np.int64]
     users: npt.NDArray[np.int64]
@@ -82,23 +84,17 @@ class InstancedBodies:
         sight = self._scene.sight(local, slots.astype(np.int32)[user_of_ray])
         sight.range_m[:] += start_m
         sight.panes.range_m[:] += start_m[sight.panes.rays]
-        rotation = map_SE3_box[:, :3, :3].astype(np.float32)
-        hit = np.flatnonzero(sight.triangles >= 0)
-        sight.normals[hit] = np.einsum("nij,nj->ni", rotation[user_of_ray[hit]], sight.normals[hit])
-        through = user_of_ray[sight.panes.rays]
-        sight.panes.normals[:] = np.einsum("nij,nj->ni", rotation[through], sight.panes.normals)
         return CandidateSights(chosen, user_of_ray, sight)
 
     def shades(self, points_m: Float32, sun: Float32, users: Sequence[RoadUser]) -> npt.NDArray[np.bool_]:
-        """Whether a road user is between each of the points (N, 3) and the sun, in the direction (3,)."""
+        """Whether a road user is between each of the points (3, N) and the sun, in the direction (3,)."""
         slots, map_SE3_box = self._boxes(users)
-        shaded = np.zeros(len(points_m), np.bool_)
+        shaded = np.zeros(points_m.shape[1], np.bool_)
         chosen, user_of_ray = SunBeams(points_m, sun).pairs(map_SE3_box, self._half_m[slots])
         rays = np.empty((len(chosen), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = points_m[chosen], sun
+        rays[:, :3], rays[:, 3:] = points_m[:, chosen].T, sun
         local, _ = self._local(rays, map_SE3_box, slots, user_of_ray)
-        hit = self._scene.sight(local, slots.astype(np.int32)[user_of_ray]).triangles >= 0
-        shaded[chosen[hit]] = True
+        shaded[chosen[self._scene.is_met(local, slots.astype(np.int32)[user_of_ray])]] = True
         return shaded
 
     def _boxes(self, users: Sequence[RoadUser]) -> tuple[npt.NDArray[np.int64], Float64]:
@@ -109,7 +105,11 @@ class InstancedBodies:
         return slots, map_SE3_box
 
     def _local(
-        self, rays: Float32, map_SE3_box: Float64, slots: npt.NDArray[np.int64], user_of_ray: npt.NDArray[np.int64]
+        self,
+        rays: Float32,
+        map_SE3_box: Float64,
+        slots: npt.NDArray[np.int64],
+        user_of_ray: npt.NDArray[np.int64],
     ) -> tuple[Float32, Float32]:
         """Rays in the stack's frame, and how far (N,) each has gone by then."""
         local, start_m = self._in_box_frames(rays, map_SE3_box, self._radius_m[slots], user_of_ray)

@@ -1,4 +1,4 @@
-"""Materials: how surfaces reflect and transmit a LiDAR's light at 905 nm and visible light, and their classes."""
+"""Materials: how surfaces reflect and transmit a LiDAR's light at 905 nm, how they look, and their class."""
 
 from __future__ import annotations
 
@@ -98,8 +98,11 @@ TRANSMITTANCE = np.array([m.transmittance for m in _MATERIALS.values()], dtype=n
 SEMANTIC = np.array([SEMANTIC_CLASSES.index(m.semantic) for m in _MATERIALS.values()], dtype=np.uint8)
 """Index into `SEMANTIC_CLASSES` (number of materials,) by material id."""
 
-COLOUR = np.array([[int(m.colour[i : i + 2], 16) for i in (1, 3, 5)] for m in _MATERIALS.values()]) / 255.0
-COLOUR = np.where(COLOUR > 0.04045, ((COLOUR + 0.055) / 1.055) ** 2.4, COLOUR / 12.92).astype(np.float32)
+_CODED = np.array([[int(m.colour[i : i + 2], 16) for i in (1, 3, 5)] for m in _MATERIALS.values()]) / 255.0
+
+COLOUR: npt.NDArray[np.float32] = np.where(
+    _CODED > 0.04045, ((_CODED + 0.055) / 1.055) ** 2.4, _CODED / 12.92
+).astype(np.float32)
 """Linear colour (number of materials, 3) of visible light by material id (IEC 61966-2-1)."""
 
 SPECULAR = np.array([m.specular for m in _MATERIALS.values()], dtype=np.float32)

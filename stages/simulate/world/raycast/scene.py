@@ -184,7 +184,7 @@ class Scene:
         found: npt.NDArray[np.uint8] = self._materials[triangles]
         return found
 
-    def normals_of(self, triangles: npt.NDArray[np.int32], out: Float32) -> None:
+    def normals_of(self, triangles: npt.NDArray[np.intp], out: Float32) -> None:
         """Write the normals, of either side, of triangles (N,) as rows (3, N)."""
         for axis in range(3):
             out[axis] = np.take(self._normals[axis], triangles, mode="clip")
@@ -193,8 +193,15 @@ class Scene:
         """Whether each ray (R, 6) meets anything, panes included."""
         if len(self._materials) == 1:
             return np.zeros(len(rays), np.bool_)
-        occluded: npt.NDArray[np.bool_] = self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy()
+        occluded: npt.NDArray[np.bool_] = self._scene.test_occlusions(
+            o3d.core.Tensor.from_numpy(rays)
+        ).numpy()
         return occluded
+
+    def is_met(self, rays: Float32, parts: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+        """Whether each ray (R, 6) meets its own part (R,) first, panes included."""
+        met: npt.NDArray[np.bool_] = self._nearest(rays, parts)[2] >= 0
+        return met
 
     def _nearest(
         self, rays: Float32, parts: npt.NDArray[np.int32] | None

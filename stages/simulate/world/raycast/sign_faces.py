@@ -53,15 +53,22 @@ class SignFaces:
         part = part_of_node[index[:, 0]] if len(index) else np.zeros(0, np.int64)
         face_of[chosen] = part
         sizes = np.bincount(part, minlength=count)
-        faces = [_face(mesh.vertices_m[nodes[part_of_node == each]], int(sizes[each])) for each in range(count)]
-        centres, right, up, half, shapes = (np.array(list(column)) for column in zip(*faces, strict=True)) if faces else (
-            np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0, np.int64)
-        )  # fmt: skip
-        numbers = np.abs(np.round(centres.sum(axis=1) * 7)).astype(np.int64) if count else np.zeros(0, np.int64)
-        columns = (np.asarray(column, np.float32) for column in (centres, right, up, half))
-        return cls(face_of, *columns, shapes.astype(np.int64), numbers)
+        table = np.array(
+            [_face(mesh.vertices_m[nodes[part_of_node == part]], int(sizes[part])) for part in range(count)]
+        ).reshape(-1, 12)
+        numbers = np.abs(np.round(table[:, :3].sum(axis=1) * 7)).astype(np.int64)
+        floats = table.astype(np.float32)
+        return cls(
+            face_of,
+            floats[:, :3],
+            floats[:, 3:6],
+            floats[:, 6:9],
+            floats[:, 9:11],
+            table[:, 11].astype(np.int64),
+            numbers,
+        )
 
-    def colours(self, triangles: npt.NDArray[np.int32], points_m: Float32) -> Float32:
+    def colours(self, triangles: npt.NDArray[np.intp], points_m: Float32) -> Float32:
         """The colours (N, 3) at points (N, 3) on triangles (N,) of the material `sign`."""
         face = self.face_of_triangle[triangles]
         away = points_m - self.centres_m[face]
@@ -70,7 +77,7 @@ class SignFaces:
         return _painted(self.shapes[face], self.numbers[face], u, v)
 
 
-def _face(corners_m: Float64, triangles: int) -> tuple[Float64, Float64, Float64, Float64, int]:
+def _face(corners_m: Float64, triangles: int) -> list[float]:
     """Centre, axes to the right and up as a driver sees them, half sizes, and shape of one plate."""
     low, high = corners_m.min(axis=0), corners_m.max(axis=0)
     centre = (low + high) / 2
@@ -82,7 +89,7 @@ def _face(corners_m: Float64, triangles: int) -> tuple[Float64, Float64, Float64
     shape = _SHAPE_OF_TRIANGLES.get(triangles, PLAIN) if is_flat else PLAIN
     if is_flat and triangles == 2:
         shape = PANEL if half[0] > 0.6 else SQUARE
-    return centre, right, np.array([0.0, 0.0, 1.0]), half, shape
+    return [*centre, *right, 0.0, 0.0, 1.0, *half, shape]
 
 
 def _painted(
@@ -98,8 +105,10 @@ def _painted(
 
     of = shapes == ROUND
     paint(of & (radius > 0.74), RED)
-    digits = (np.abs(v) < 0.38) & (np.abs(np.abs(u) - 0.25) < 0.17) & ~(
-        (np.abs(np.abs(u) - 0.25) < 0.07) & (np.abs(v) < 0.28)
+    digits = (
+        (np.abs(v) < 0.38)
+        & (np.abs(np.abs(u) - 0.25) < 0.17)
+        & ~((np.abs(np.abs(u) - 0.25) < 0.07) & (np.abs(v) < 0.28))
     )
     paint(of & odd & digits, BLACK)
     paint(of & ~odd & (np.abs(v) < 0.16) & (np.abs(u) < 0.6), BLACK)

@@ -48,12 +48,15 @@ class StaticLook:
         leaves = np.flatnonzero([TEXTURE[each] == "leaves" for each in self._materials])
         light = rng.uniform(0.75, 1.2, (len(leaves), 1))
         yellow = rng.uniform(0.85, 1.25, len(leaves))
-        self._colours[leaves] *= (light * np.stack([yellow, np.ones(len(leaves)), 2 - yellow], axis=1)).astype(
-            np.float32
-        )
+        self._colours[leaves] *= (
+            light * np.stack([yellow, np.ones(len(leaves)), 2 - yellow], axis=1)
+        ).astype(np.float32)
 
     def _tint_houses(
-        self, middles_m: npt.NDArray[np.float64], footprints: Sequence[shapely.Polygon], rng: np.random.Generator
+        self,
+        middles_m: npt.NDArray[np.float64],
+        footprints: Sequence[shapely.Polygon],
+        rng: np.random.Generator,
     ) -> None:
         is_house = SEMANTIC[self._materials[:-1]] == SEMANTIC_CLASSES.index("building")
         walls = np.flatnonzero(is_house & (self._materials[:-1] != MATERIAL_ID["pane"]))
@@ -67,15 +70,17 @@ class StaticLook:
         self,
         colour: Float32,
         materials: UInt8,
-        triangles: npt.NDArray[np.int32],
+        triangles: npt.NDArray[np.intp],
         points_m: Float32,
         normals: Float32,
         detail_m: Float32,
     ) -> None:
-        """Write the colours of the first N of K points (3, K), which are in the order of their materials (N,).
+        """Write the colours of the first N of K points (3, K), which are in the order of their materials.
 
-        colour, normals: (3, K). triangles: (N,). detail_m: (K,), size of a pixel there.
+        colour, normals: (3, K). materials, triangles: (N,). detail_m: (K,), size of a pixel there.
         """
+        if not len(materials):
+            return
         present, starts = np.unique(materials, return_index=True)
         factor = np.ones(len(materials), np.float32)
         ends = [*starts[1:].tolist(), len(materials)]

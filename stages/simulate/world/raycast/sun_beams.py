@@ -14,22 +14,23 @@ BINS = 65535
 
 
 class SunBeams:
-    """The lines from points (N, 3) to the sun, in the direction (3,), sorted by their place across it."""
+    """The lines from points (3, N) to the sun, in the direction (3,), sorted by their place across it."""
 
     def __init__(self, points_m: Float32, sun: Float32) -> None:
         towards = np.asarray(sun, np.float64)
         across = np.cross(towards, [0.0, 0.0, 1.0] if abs(towards[2]) < 0.9 else [1.0, 0.0, 0.0])
         across /= np.linalg.norm(across)
         self._axes = np.stack([across, np.cross(towards, across), towards])
-        self._origin_m = points_m.mean(axis=0, dtype=np.float64) if len(points_m) else np.zeros(3)
-        places = (points_m - self._origin_m.astype(np.float32)) @ self._axes.astype(np.float32).T
-        first = np.ascontiguousarray(places[:, 0])
+        # Near one of the points, so that single precision suffices.
+        self._origin_m = points_m[:, 0].astype(np.float64) if points_m.size else np.zeros(3)
+        places = self._axes.astype(np.float32) @ (points_m - self._origin_m.astype(np.float32)[:, None])
+        first = places[0]
         self._low_m = float(first.min(initial=0.0))
         self._per_m = BINS / max(float(first.max(initial=0.0)) - self._low_m, 1e-3)
         bins = ((first - np.float32(self._low_m)) * np.float32(self._per_m)).astype(np.uint16)
         self._order = np.argsort(bins, kind="stable")
         self._bins = bins[self._order]
-        self._second, self._third = places[self._order, 1], places[self._order, 2]
+        self._second, self._third = places[1][self._order], places[2][self._order]
 
     def pairs(self, map_SE3_box: Float64, half_m: Float64) -> tuple[Int64, Int64]:
         """Point and box indices (K,) of all points that a box may shade, a superset of those that it does.

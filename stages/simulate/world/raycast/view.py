@@ -76,14 +76,16 @@ class Viewer:
         met = met[np.argsort(keys[met], kind="stable")]
         materials = keys[met]
         fixed = int(np.searchsorted(materials, _LAST))
-        range_m, triangles = static.range_m[met], static.triangles[met[:fixed]]
+        range_m, triangles = static.range_m[met], static.triangles[met[:fixed]].astype(np.intp)
         directions = np.stack([np.take(rays[:, axis], met, mode="clip") for axis in (3, 4, 5)])
         points_m = directions * range_m
         points_m += rays[0, :3, None] if len(rays) else 0
         candidates = candidate_of[met[fixed:]]
         normals = np.empty_like(directions)
         self._static.normals_of(triangles, normals[:, :fixed])
-        normals[:, fixed:] = seen.sight.normals[candidates].T
+        rotations = np.array([user.map_SE3_base[:3, :3] for user in users], np.float32).reshape(-1, 3, 3)
+        user_of = seen.users[candidates]
+        normals[:, fixed:] = _turned(rotations[user_of], seen.sight.normals[candidates])
         cos = normals[0] * directions[0]
         cos += normals[1] * directions[1]
         cos += normals[2] * directions[2]
@@ -92,7 +94,6 @@ class Viewer:
         detail_m = range_m * np.float32(pixel_rad) / np.sqrt(np.maximum(np.abs(cos), np.float32(0.003)))
         self._look.paint(colour, materials[:fixed], triangles, points_m, normals, detail_m)
         objects = np.full(len(met), -1, np.int32)
-        user_of = seen.users[candidates]
         objects[fixed:] = user_of
         if len(user_of):
             materials[fixed:] = self._body_look.materials(seen.sight.triangles[candidates])
@@ -102,7 +103,7 @@ class Viewer:
         tags = _STATIC_TAGS[materials]
         tags[fixed:] = body_tags(materials[fixed:], users, user_of) if len(user_of) else 0
         is_inside = _IS_ROOM[materials]
-        panes = _panes(static, seen)
+        panes = _panes(static, seen, rotations)
         through = np.zeros(len(rays), np.bool_)
         through[panes.rays] = True
         is_inside |= through[met] & (objects >= 0)
@@ -132,13 +133,15 @@ class Viewer:
         rays[:, :3], rays[:, 3:] = points_m.T, sun
         shaded = self._static.is_occluded(rays)
         lit = np.flatnonzero(~shaded)
-        shaded[lit] = self._bodies.shades(np.take(rays[:, :3], lit, axis=0), sun, users)
+        shaded[lit] = self._bodies.shades(np.take(points_m, lit, axis=1), sun, users)
         return shaded
 
 
 def moved_on(users: Sequence[RoadUser], time_s: float) -> Sequence[RoadUser]:
     """The road users a moment later, at constant velocity."""
-    return [replace(user, map_SE3_base=_moved(user.map_SE3_base, user.velocity_mps * time_s)) for user in users]
+    return [
+        replace(user, map_SE3_base=_moved(user.map_SE3_base, user.velocity_mps * time_s)) for user in users
+    ]
 
 
 def _moved(map_SE3_base: Float64, offset_m: Float64) -> Float64:
@@ -147,9 +150,7 @@ def _moved(map_SE3_base: Float64, offset_m: Float64) -> Float64:
     return moved
 
 
-def _first(
-    static: Sight, seen: CandidateSights, alone: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:
+def _first(static: Sight, seen: CandidateSights, alone: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """The candidates that are the nearest surface of their ray, one a ray."""
     rays, range_m = seen.rays[alone], seen.sight.range_m[alone]
     nearer = range_m < static.range_m[rays]
@@ -169,11 +170,18 @@ def _local_points(points_m: Float32, users: Sequence[RoadUser], user_of: npt.NDA
     return local
 
 
-def _panes(static: Sight, seen: CandidateSights) -> PaneViews:
+def _turned(rotations: Float32, vectors: Float32) -> Float32:
+    """Vectors (N, 3), each turned by its rotation (N, 3, 3), as rows (3, N)."""
+    turned: Float32 = np.einsum("nij,nj->in", rotations, vectors)
+    return turned
+
+
+def _panes(static: Sight, seen: CandidateSights, rotations: Float32) -> PaneViews:
     """The panes before the surfaces that rays see; `static` has the range of the nearest one."""
     moving = seen.sight.panes
     rays = np.concatenate([static.panes.rays, seen.rays[moving.rays]])
     near = np.concatenate([static.panes.range_m, moving.range_m]) < static.range_m[rays]
     transmittance = np.concatenate([static.panes.transmittance, moving.transmittance])
-    normals = np.concatenate([static.panes.normals, moving.normals])[near]
-    return PaneViews(rays[near], transmittance[near], np.ascontiguousarray(normals.T))
+    turned = _turned(rotations[seen.users[moving.rays]], moving.normals)
+    normals = np.concatenate([static.panes.normals.T, turned], axis=1)[:, near]
+    return PaneViews(rays[near], transmittance[near], normals)

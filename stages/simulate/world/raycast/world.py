@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -66,7 +66,9 @@ class RaycastWorld:
         self._bodies = InstancedBodies(variants, meshes)
         look = partial(StaticLook, ground, footprints, generator("look"))
         body_look = partial(BodyLook, [meshes[name] for name in variants])
-        self._make_viewer = lambda: Viewer(self._static, look(), self._bodies, body_look())
+        self._make_viewer: Callable[[], Viewer] = lambda: Viewer(
+            self._static, look(), self._bodies, body_look()
+        )
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> RaycastSurroundings:
