@@ -18,7 +18,11 @@ Float32 = npt.NDArray[np.float32]
 FAR_M = {"rain": 2.5, "snow": 5.0}
 """Distance up to which single particles are seen; farther ones are a veil."""
 
-NEAR_M, HALF_VIEW = 0.2, np.tan(np.deg2rad(50))
+NEAR_M = {"rain": 0.25, "snow": 0.9}
+"""Nearer ones pass by unseen: they are out of focus."""
+
+HALF_VIEW = np.tan(np.deg2rad(50))
+FOCUS_M = 1.0
 MOST = 12_000
 VISIBLE_MM = 1.2
 """Particles from this diameter on, of water, are drawn."""
@@ -48,7 +52,7 @@ def draw_particles(
     volume_m3 = (2 * HALF_VIEW) ** 2 * far_m**3 / 3
     expected = density / slope_per_mm * np.exp(-slope_per_mm * VISIBLE_MM) * volume_m3
     count = min(int(rng.poisson(min(expected, 1e6))), MOST)
-    depth_m = np.maximum(far_m * np.cbrt(rng.random(count)), NEAR_M)
+    depth_m = np.maximum(far_m * np.cbrt(rng.random(count)), NEAR_M[weather.kind])
     across = rng.uniform(-HALF_VIEW, HALF_VIEW, (count, 2)) * depth_m[:, None]
     places = np.column_stack([across, depth_m])
     diameter_mm = VISIBLE_MM + rng.exponential(1 / slope_per_mm, count)
@@ -62,11 +66,13 @@ def draw_particles(
         sway = np.zeros((count, 3))
     move = (fall_mps[:, None] * down + sway - optical_velocity_mps) * exposure_s
     starts, ends = lens.project(places), lens.project(places + move)
-    width_px = diameter_mm * 1e-3 * lens.matrix[0, 0] / places[:, 2]
+    # Nearer than a metre, they are out of focus: wider, and fainter.
+    sharp_px = diameter_mm * 1e-3 * lens.matrix[0, 0] / places[:, 2]
+    width_px = sharp_px + np.maximum(FOCUS_M / places[:, 2] - 1, 0.0)
     length_px = np.linalg.norm(ends - starts, axis=1)
-    share = np.clip(
-        (0.8 if is_snow else 0.94) * width_px / (width_px + length_px) * np.minimum(width_px, 1), 0, 0.7
-    )
+    bright = 0.8 if is_snow else 0.94
+    share = bright * np.minimum(sharp_px, 1) * sharp_px / (width_px + length_px)
+    share = np.minimum(share, 0.6)
     height, wide = radiance.shape[1:]
     mask = Image.new("L", (wide, height))
     pen = ImageDraw.Draw(mask)
@@ -75,11 +81,10 @@ def draw_particles(
         line = [*starts[index].tolist(), *ends[index].tolist()]
         size = max(round(float(width_px[index])), 1)
         level = int(share[index] * 255)
-        if is_snow and length_px[index] < 1.5 * size:
-            x, y, r = line[0], line[1], size / 2
-            pen.ellipse((x - r, y - r, x + r, y + r), fill=level)
-        else:
-            pen.line(line, fill=level, width=size)
+        pen.line(line, fill=level, width=size)
+        if size > 1:  # round ends
+            for x, y in (line[:2], line[2:]):
+                pen.ellipse((x - size / 2, y - size / 2, x + size / 2, y + size / 2), fill=level)
     cover = np.asarray(mask, np.float32) * np.float32(1 / 255)
     radiance += cover * ((light * np.float32(1.4 if is_snow else 1.0))[:, None, None] - radiance)
 

@@ -100,7 +100,8 @@ def _with_clouds(sky: Float64, directions: Float64, daylight: Daylight, rng: np.
         sky[:, 1].mean() * 1.1 + daylight.sun_light * max(daylight.sun[2], 0.05) ** 0.5 / np.pi * 0.55
     )
     shade = 1.0 - 0.25 * np.clip(cloud - 1.2, 0, 1)
-    return sky * (1 - cover)[:, None] + cover[:, None] * shade[:, None] * brightness
+    clouded: Float64 = sky * (1 - cover)[:, None] + cover[:, None] * shade[:, None] * brightness
+    return clouded
 
 
 def _sampled(noise: Float64, u: Float64, v: Float64) -> Float64:

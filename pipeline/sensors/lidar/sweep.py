@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64, invert, se3
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-
-if TYPE_CHECKING:
-    from advpipe.pipeline.sensors.camera.section import CameraSensor
 
 Float32 = npt.NDArray[np.float32]
 
@@ -98,7 +95,24 @@ def poses_at(twist: Float64, times_s: Float64) -> Float64:
     return poses
 
 
-def mounting(sensor: LidarSensor | CameraSensor) -> Float64:
+class MountedPose(Protocol):
+    """The keys of a section that say where a sensor is mounted."""
+
+    @property
+    def x_m(self) -> float: ...
+    @property
+    def y_m(self) -> float: ...
+    @property
+    def z_m(self) -> float: ...
+    @property
+    def roll_deg(self) -> float: ...
+    @property
+    def pitch_deg(self) -> float: ...
+    @property
+    def yaw_deg(self) -> float: ...
+
+
+def mounting(sensor: MountedPose) -> Float64:
     """`base_SE3_sensor` (4, 4): roll, then pitch (positive is down), then yaw, about fixed axes (REP-103)."""
     roll, pitch, yaw = np.deg2rad([sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg])
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))

@@ -29,7 +29,8 @@ sensors:
   lidars:
     roof: {channels: 32, points_per_second: 288000, noise_stddev: 0}
     twin:
-      {channels: 48, points_per_second: 960000, upper_fov: 3, lower_fov: -15, noise_stddev: 0, x_m: 0.6, z_m: 1.5}
+      {channels: 48, points_per_second: 960000, upper_fov: 3, lower_fov: -15, noise_stddev: 0, x_m: 0.6,
+       z_m: 1.5}
   cameras:
     front:
       {preset: front, image_size_x: 480, images: [rgb, depth, semantic_segmentation, instance_segmentation]}
