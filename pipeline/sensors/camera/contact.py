@@ -12,7 +12,7 @@ from advpipe.pipeline.sensors.camera.lens import Lens
 Float32 = npt.NDArray[np.float32]
 
 REACH_M = 0.9
-NEAR_M = 35.0
+NEAR_M = 30.0
 DEEPEST = np.float32(0.82)
 FADE_M = np.float32(0.3)
 
@@ -32,23 +32,25 @@ def openness(
     """
     height, width = is_ground.shape
     share = np.ones((height, width), np.float32)
-    wide = boxes.copy()
-    wide[:, 3:5] += 2 * REACH_M
-    near = np.linalg.norm(wide[:, :2] - map_SE3_optical[:2, 3], axis=1) < NEAR_M
-    optical_SE3_map = invert(map_SE3_optical)
     grounded = np.flatnonzero(is_ground.any(axis=1))
-    lowest = slice(int(grounded[0]), height) if len(grounded) else slice(0, 0)
-    for box, corners in zip(boxes[near], box_corners(wide[near]), strict=True):
-        pixels = lens.project(transform_points(optical_SE3_map, corners[:4]))
-        ahead = transform_points(optical_SE3_map, corners[:4])[:, 2] > 0.3
-        if not ahead.any():
-            continue
+    near = boxes[np.linalg.norm(boxes[:, :2] - map_SE3_optical[:2, 3], axis=1) < NEAR_M]
+    if not len(grounded) or not len(near):
+        return share
+    wide = near + (0, 0, 0, 2 * REACH_M, 2 * REACH_M, 0, 0)
+    corners = transform_points(invert(map_SE3_optical), box_corners(wide)[:, :4].reshape(-1, 3))
+    pixels = lens.project(corners).reshape(-1, 4, 2) - (0, top)
+    ahead = corners[:, 2].reshape(-1, 4) > 0.3
+    is_whole = ahead.all(axis=1) & np.isfinite(pixels).all(axis=(1, 2))
+    lowest = slice(int(grounded[0]), int(grounded[-1]) + 1)
+    some = ahead.any(axis=1)
+    for box, place, whole in zip(near[some], pixels[some], is_whole[some], strict=True):
         rows, columns = lowest, slice(0, width)
-        if np.isfinite(pixels).all() and ahead.all():
-            low = np.clip(np.floor(pixels.min(axis=0)) - (0, top), 0, (width, height)).astype(int)
-            high = np.clip(np.ceil(pixels.max(axis=0)) + (1, 1 - top), 0, (width, height)).astype(int)
+        if whole:
+            low = np.clip(np.floor(place.min(axis=0)), 0, (width, height)).astype(int)
+            high = np.clip(np.ceil(place.max(axis=0)) + 1, 0, (width, height)).astype(int)
             rows, columns = slice(low[1], high[1]), slice(low[0], high[0])
-        _darken(share[rows, columns], points_m[:, rows, columns], is_ground[rows, columns], box)
+        if rows.start < rows.stop and columns.start < columns.stop:
+            _darken(share[rows, columns], points_m[:, rows, columns], is_ground[rows, columns], box)
     return share
 
 

@@ -22,7 +22,8 @@ MAX_RAYS = 1 << 18
 """Most rays that are cast at once, for flat memory; parts of a picture run side by side. The parts, and so
 the bytes of a picture, do not depend on the number of processors."""
 
-WORKERS = 2
+WORKERS, BANDS = 2, 3
+"""Threads of one camera, and the least number of bands of rows that they share; the top one is mostly sky."""
 
 OFFSETS_PX = ((0.0, -0.36), (0.32, 0.2), (-0.32, 0.2))
 """Where the three further rays of a pixel pass, beside the one through its centre."""
@@ -81,7 +82,7 @@ class Photographer:
         first = _FirstPass(width * height, len(boxes))
         radiance = None if shading is None else np.empty((3, width * height), np.float32)
         light = np.ones(width * height, np.float32)
-        rows = max(MAX_RAYS // width, 1)
+        rows = max(min(MAX_RAYS // width, -(-height // BANDS)), 1)
 
         def band(top: int) -> None:
             pixels = slice(top * width, min(top + rows, height) * width)
@@ -117,7 +118,7 @@ class Photographer:
             chosen = np.flatnonzero(first.edges(*self.size_px))
         else:
             chosen = np.arange(radiance.shape[1])
-        per_cast = MAX_RAYS // len(OFFSETS_PX)
+        per_cast = max(min(MAX_RAYS // len(OFFSETS_PX), -(-len(chosen) // WORKERS)), 1)
 
         def part(start: int) -> None:
             pixels = chosen[start : start + per_cast]

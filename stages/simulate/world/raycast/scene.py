@@ -18,6 +18,9 @@ Float32 = npt.NDArray[np.float32]
 MAX_PANES = 4
 """Most panes of one mesh that a ray passes; behind the last one, it has no return."""
 
+MAX_SEEN_PANES = 2
+"""The same for visible light: both sides of a vehicle. Each further pane costs a cast of a few rays."""
+
 SPECULAR_COS = np.float32(np.cos(np.deg2rad(5.0)))
 """A pane returns only rays this close to its normal: its reflection is specular, so at any other angle it
 reflects the light away from the sensor (Foster, Sun, Park, Kuipers: VisAGGE, ICRA 2013)."""
@@ -158,12 +161,12 @@ class Scene:
     def sight(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> Sight:
         """Cast rays (R, 6) of visible light, each into its own part (R,) if given.
 
-        They pass every pane at every angle; after `MAX_PANES`, the next one is opaque.
+        They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque.
         """
         range_m, normals, triangles = self._nearest(rays, parts)
         through = np.flatnonzero(self._is_pane[triangles])
         passed: list[tuple[npt.NDArray[np.int64], Float32, Float32, Float32]] = []
-        for _ in range(MAX_PANES):
+        for _ in range(MAX_SEEN_PANES):
             if not len(through):
                 break
             panes = self._materials[triangles[through]]
