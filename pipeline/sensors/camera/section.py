@@ -13,7 +13,6 @@ from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.section import (
     NotNegative,
     Number,
-    Positive,
     Probability,
     Reference,
     Section,
@@ -39,8 +38,8 @@ Coefficient = Annotated[Number, Field(ge=-100, le=100)]
 class Intrinsics(Section):
     """The intrinsic parameters in pixels; the centre of the top left pixel is (0, 0)."""
 
-    fx: Positive = Field(le=1e6, description="horizontal focal length")
-    fy: Positive = Field(le=1e6, description="vertical focal length")
+    fx: Number = Field(ge=1, le=1e6, description="horizontal focal length")
+    fy: Number = Field(ge=1, le=1e6, description="vertical focal length")
     cx: Number = Field(ge=-1e5, le=1e5, description="column of the principal point")
     cy: Number = Field(ge=-1e5, le=1e5, description="row of the principal point")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +196,16 @@ def test_the_same_seed_gives_the_same_bytes(dataset: Path, tmp_path: Path) -> No
     simulate(load_scenario(str(dataset.parent / "cameras.yaml")), tmp_path / "again")
     first, second = (folder / "clean" / "clean_0.mcap" for folder in (dataset, tmp_path / "again"))
     assert first.read_bytes() == second.read_bytes()
+
+
+def test_viewers_show_the_images_with_their_calibration(dataset: Path) -> None:
+    layout = json.loads((dataset / "clean" / "foxglove.json").read_text(encoding="utf-8"))
+    panels = [each for name, each in layout["configById"].items() if name.startswith("Image!")]
+    assert {
+        "imageTopic": "/ego/front/image/compressed",
+        "calibrationTopic": "/ego/front/camera_info",
+    } in [each["imageMode"] for each in panels]
+    assert not any("image" in topic for topic in layout["configById"]["3D!scene"]["topics"])
 
 
 def test_a_picture_is_exposed_and_has_colours(bag: BagReader) -> None:
