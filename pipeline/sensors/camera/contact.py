@@ -40,8 +40,7 @@ def openness(
     corners = transform_points(invert(map_SE3_optical), box_corners(wide)[:, :4].reshape(-1, 3))
     pixels = lens.project(corners).reshape(-1, 4, 2) - (0, top)
     ahead = corners[:, 2].reshape(-1, 4) > 0.3
-    is_whole: npt.NDArray[np.bool_] = np.isfinite(pixels).all(axis=(1, 2))
-    is_whole &= ahead.all(axis=1)
+    is_whole = np.asarray(ahead.all(axis=1) & np.isfinite(pixels).all(axis=(1, 2)))
     lowest = slice(int(grounded[0]), int(grounded[-1]) + 1)
     some = ahead.any(axis=1)
     for box, place, whole in zip(near[some], pixels[some], is_whole[some], strict=True):

@@ -72,7 +72,7 @@ class VisibleSurroundings(Protocol):
         ...
 
     def surfaces(self, rays: Float32, range_m: float, pixel_rad: float, time_s: float = 0.0) -> Surfaces:
-        """Cast rays (R, 6) as `Surroundings.cast` does.
+        """Cast rays (R, 6), origin and unit direction, that all have one origin.
 
         pixel_rad: angle between neighbouring rays; smaller detail is averaged. time_s: after the instant, by
         which the road users have moved on.

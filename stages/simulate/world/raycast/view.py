@@ -60,15 +60,14 @@ class Viewer:
         self._bodies, self._body_look = bodies, body_look
 
     def surfaces(self, rays: Float32, users: Sequence[RoadUser], pixel_rad: float) -> Surfaces:
-        """The first opaque surface of each ray (R, 6); objects are indices into `users`."""
+        """The first opaque surface of each ray (R, 6) from one origin; objects index `users`."""
         static = self._static.sight(rays)
         seen = self._bodies.candidate_sights(rays, users)
         alone = np.flatnonzero(seen.sight.triangles >= 0)
         first = _first(static, seen, alone)
         own = seen.rays[first]
-        static.range_m[own] = seen.sight.range_m[first]
-        candidate_of = np.full(len(rays), -1, np.int32)
-        candidate_of[own] = first
+        candidate_of = np.zeros(len(rays), np.int32)
+        static.range_m[own], candidate_of[own] = seen.sight.range_m[first], first
         # In the order of materials, so that each is one slice; road users come last.
         keys = self._static.materials_of(static.triangles)
         keys[own] = _LAST
@@ -78,17 +77,14 @@ class Viewer:
         fixed = int(np.searchsorted(materials, _LAST))
         range_m, triangles = static.range_m[met], static.triangles[met[:fixed]].astype(np.intp)
         directions = np.stack([np.take(rays[:, axis], met, mode="clip") for axis in (3, 4, 5)])
-        points_m = directions * range_m
-        points_m += rays[0, :3, None] if len(rays) else 0
+        points_m = directions * range_m + rays[:1, :3].T
         candidates = candidate_of[met[fixed:]]
         normals = np.empty_like(directions)
         self._static.normals_of(triangles, normals[:, :fixed])
         rotations = np.array([user.map_SE3_base[:3, :3] for user in users], np.float32).reshape(-1, 3, 3)
         user_of = seen.users[candidates]
         normals[:, fixed:] = _turned(rotations[user_of], seen.sight.normals[candidates])
-        cos = normals[0] * directions[0]
-        cos += normals[1] * directions[1]
-        cos += normals[2] * directions[2]
+        cos = normals[0] * directions[0] + normals[1] * directions[1] + normals[2] * directions[2]
         normals *= -np.copysign(np.float32(1), cos)
         colour, lamps = np.empty_like(directions), np.zeros(len(met), np.uint8)
         detail_m = range_m * np.float32(pixel_rad) / np.sqrt(np.maximum(np.abs(cos), np.float32(0.003)))
@@ -102,11 +98,8 @@ class Viewer:
             colour[:, fixed:] = of_bodies.T
         tags = _STATIC_TAGS[materials]
         tags[fixed:] = body_tags(materials[fixed:], users, user_of) if len(user_of) else 0
-        is_inside = _IS_ROOM[materials]
         panes = _panes(static, seen, rotations)
-        through = np.zeros(len(rays), np.bool_)
-        through[panes.rays] = True
-        is_inside |= through[met] & (objects >= 0)
+        is_inside = _IS_ROOM[materials] | (_marked(len(rays), panes.rays)[met] & (objects >= 0))
         return Surfaces(
             met,
             range_m,
@@ -168,6 +161,13 @@ def _local_points(points_m: Float32, users: Sequence[RoadUser], user_of: npt.NDA
     away = points_m - poses[user_of, :3, 3].astype(np.float32)
     local: Float32 = np.einsum("nji,nj->ni", poses[:, :3, :3].astype(np.float32)[user_of], away)
     return local
+
+
+def _marked(count: int, chosen: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """A mask (count,) of the chosen indices."""
+    marked = np.zeros(count, np.bool_)
+    marked[chosen] = True
+    return marked
 
 
 def _turned(rotations: Float32, vectors: Float32) -> Float32:
