@@ -11,11 +11,9 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.image_labels.label_camera import CameraAtFrame
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
 from advpipe.pipeline.kitti.object_label import ObjectLabel, camera_box, observation_angle
+from advpipe.pipeline.kitti.occlusion import occlusion_level
 from advpipe.pipeline.kitti.projection import project_box
 from advpipe.pipeline.messages.cloud import xyz
-
-PARTLY_OCCLUDED, LARGELY_OCCLUDED = 0.15, 0.5
-"""Occluded share from which an object is partly and largely occluded; KITTI's annotators judged by eye."""
 
 UNKNOWN_OCCLUSION = 3
 """Counts in none of KITTI's difficulties."""
@@ -104,4 +102,4 @@ def _occlusion(frame: Frame, camera: CameraAtFrame, name: str, box: Float64) -> 
         return 0 if count_points(xyz(frame.cloud), [box])[0] else UNKNOWN_OCCLUSION
     if camera.lidar_points.get(name, 0) == 0:
         return UNKNOWN_OCCLUSION
-    return int(share >= PARTLY_OCCLUDED) + int(share >= LARGELY_OCCLUDED)
+    return occlusion_level(share)

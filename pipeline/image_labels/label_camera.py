@@ -12,7 +12,7 @@ import numpy as np
 from advpipe.pipeline.bag.frames import find_lidar_topic, vehicle_topics
 from advpipe.pipeline.bag.ground_truth import GroundTruth
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.geometry.transforms import se3
+from advpipe.pipeline.geometry.transforms import invert, se3
 from advpipe.pipeline.kitti.calibration import CAMERAS, LABELLED_CAMERA, KittiCalibration
 from advpipe.pipeline.messages.build import stamp_ns as header_stamp_ns
 from advpipe.pipeline.messages.labels import ImageLabel, image_labels_from_message
@@ -44,14 +44,16 @@ class LabelCamera:
     """Looks up the camera at the instants of clouds, asked for in time order.
 
     Where the bag has the calibration of `camera_2`, as an import of KITTI leaves it, this is taken, with what
-    was labelled in its images; else all four cameras are one virtual camera that looks forward.
+    was labelled in its images; else a camera that the vehicle itself carries; else all four cameras are one
+    virtual camera that looks forward. name: of the camera whose images are labelled; None for a virtual one.
     """
 
     def __init__(self, bag: Path, lidar_topic: str | None) -> None:
         self._reader = BagReader(bag)
         self._topics = vehicle_topics(find_lidar_topic(self._reader, lidar_topic))
         self._lidar_frame = self._topics.lidar_frame
-        self.is_virtual = self._info_topic(LABELLED_CAMERA) not in self._reader.topics
+        self.name = self._labelled_camera()
+        self.is_virtual = self.name is None
         self._truth = GroundTruth(self._reader, self._topics, self._topics.objects.name)
 
     def at(self, stamp_ns: int) -> CameraAtFrame:
@@ -63,6 +65,8 @@ class LabelCamera:
         points = {user.id: int(user.lidar_points) for user in known}
         if self.is_virtual:
             return CameraAtFrame(virtual_calibration(), SIZE_PX, None, occlusion, points)
+        if self.name != _name(LABELLED_CAMERA):
+            return self._carried(str(self.name), stamp_ns, occlusion, points)
         infos = {
             camera: info
             for camera in CAMERAS
@@ -79,6 +83,40 @@ class LabelCamera:
             occlusion,
             points,
         )
+
+    def _labelled_camera(self) -> str | None:
+        """KITTI's camera 2, or the first pinhole by name whose images are labelled and not distorted.
+
+        Labels and detections are compared in the image that K projects to.
+        """
+        if self._info_topic(LABELLED_CAMERA) in self._reader.topics:
+            return _name(LABELLED_CAMERA)
+        base = f"/{self._topics.vehicle}/"
+        for topic in sorted(self._reader.topics):
+            name = topic.removeprefix(base).removesuffix("/camera_info")
+            if topic != self._topics.camera_info(name).name:
+                continue
+            first = next((message for _, message in self._reader.messages(topic)), None)
+            is_plain = first is not None and first.distortion_model == "plumb_bob" and not any(first.d)
+            if is_plain and self._topics.image_labels(name).name in self._reader.topics:
+                return name
+        return None
+
+    def _carried(
+        self, name: str, stamp_ns: int, occlusion: Mapping[str, float], points: Mapping[str, int]
+    ) -> CameraAtFrame:
+        """A camera of the vehicle's own, whose calibration stays; labels are None where it has no image."""
+        _, info = next(iter(self._reader.messages(self._topics.camera_info(name).name)))
+        message = self._message(self._topics.image_labels(name).name, stamp_ns)
+        labels = None if message is None else image_labels_from_message(message)
+        for raw in self._raw(TF.name, stamp_ns):
+            self._truth.take(raw)
+        lidar_SE3_camera = self._truth.lidar_SE3(info.header.frame_id, stamp_ns, self._lidar_frame)
+        self._truth.forget_before(stamp_ns)
+        matrix_P = np.asarray(info.p, np.float64).reshape(3, 4)
+        calibration = KittiCalibration(dict.fromkeys(CAMERAS, matrix_P), np.eye(3), invert(lidar_SE3_camera))
+        size_px = int(info.width), int(info.height)
+        return CameraAtFrame(calibration, size_px, labels, occlusion, points)
 
     def _calibration(self, infos: Mapping[int, Any], stamp_ns: int) -> KittiCalibration:
         """The calibration from the mount of camera 2: camera 0 stands where its projection says."""

@@ -96,6 +96,29 @@ class VehicleTopics:
         """A camera's calibration."""
         return Topic(f"/{self.vehicle}/{camera}/camera_info", "sensor_msgs/msg/CameraInfo")
 
+    def camera_image(self, camera: str, kind: str) -> Topic:
+        """A camera's images of one kind; rgb is its main image, beside `camera_info`."""
+        base = "image" if kind == "rgb" else kind
+        return Topic(
+            f"/{self.vehicle}/{camera}/{base}/compressed", "sensor_msgs/msg/CompressedImage", keep_last(5)
+        )
+
+    def visible_boxes(self, camera: str) -> Topic:
+        """The 2D boxes of what is visible of each object in a camera's images."""
+        return Topic(
+            f"/{self.vehicle}/ground_truth/{camera}/visible_boxes", "vision_msgs/msg/Detection2DArray"
+        )
+
+    def amodal_boxes(self, camera: str) -> Topic:
+        """The 2D boxes of whole objects in a camera's images, hidden parts included."""
+        return Topic(
+            f"/{self.vehicle}/ground_truth/{camera}/amodal_boxes", "vision_msgs/msg/Detection2DArray"
+        )
+
+    def instance_names(self, camera: str) -> Topic:
+        """The road users' names of the ids in a camera's instance segmentation."""
+        return Topic(f"/{self.vehicle}/ground_truth/{camera}/instances", "vision_msgs/msg/LabelInfo")
+
     def image_labels(self, camera: str) -> Topic:
         """What the source has labelled in a camera's images."""
         return Topic(f"/{self.vehicle}/ground_truth/{camera}/labels", "advpipe_msgs/msg/ImageLabelArray")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from advpipe.pipeline.sensors.camera.cameras import Cameras
 from advpipe.pipeline.sensors.lidar.lidars import Lidars
 from advpipe.pipeline.sensors.onboard import Gnss, Imu, WheelOdometry
 from advpipe.pipeline.sensors.radar.radars import Radars
@@ -13,6 +14,7 @@ from advpipe.pipeline.sensors.sensor import Sensor
 SENSORS: Mapping[str, type[Sensor[Any]]] = {
     "lidars": Lidars,
     "radars": Radars,
+    "cameras": Cameras,
     "gnss": Gnss,
     "imu": Imu,
     "wheel_odometry": WheelOdometry,

@@ -51,12 +51,14 @@ class Panel:
 @dataclass(frozen=True)
 class DriveSettings:
     """The settings that a drive's sensors share. markers: whether to record ground-truth markers for
-    viewers."""
+    viewers. latitude_deg, longitude_deg: of the map's origin."""
 
     seed: int
     step_s: float
     weather: Weather
     markers: bool
+    latitude_deg: float = 0.0
+    longitude_deg: float = 0.0
 
 
 @dataclass(frozen=True)

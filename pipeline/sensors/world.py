@@ -13,9 +13,9 @@ from advpipe.pipeline.messages.cloud import Cloud
 
 Float32 = npt.NDArray[np.float32]
 
-Offer = Literal["road users", "rays", "scans"]
+Offer = Literal["road users", "rays", "scans", "surfaces"]
 """Names a method of `Surroundings`: sensors declare which they need, and a world which it offers. `scans`: of
-`ScanningSurroundings`."""
+`ScanningSurroundings`; `surfaces`: of `VisibleSurroundings`."""
 
 
 SURFACES = (

@@ -9,6 +9,11 @@ from advpipe.pipeline.viewer_layouts.scene import ViewerScene
 
 _SCENE, _SPEED, _TOPICS = "3D!scene", "Plot!speed", "RawMessages!objects"
 
+IMAGE_DISPLAY = "Image"
+"""The class of RViz's display of images, which get panels of their own."""
+
+MOST_IMAGES = 3
+
 
 def foxglove_layout(scene: ViewerScene) -> str:
     """JSON that `Layouts > Import from file` takes: the scene from above the ego, its speed, its objects.
@@ -17,7 +22,9 @@ def foxglove_layout(scene: ViewerScene) -> str:
     is hidden, or a line from the ego to the map's origin would cross the scene.
     """
     panels: dict[str, Any] = {_SCENE: _scene(scene)}
-    below = []
+    images = [topic.name for topic, panel in scene.panels if panel.rviz == IMAGE_DISPLAY]
+    below = [f"Image!{name.strip('/').replace('/', '_')}" for name in images[:MOST_IMAGES]]
+    panels |= {key: _image(name) for key, name in zip(below, images, strict=False)}
     if scene.speed is not None:
         panels[_SPEED] = _plot(f"{scene.speed}.twist.twist.linear.x", "speed, m/s")
         below.append(_SPEED)
@@ -26,7 +33,9 @@ def foxglove_layout(scene: ViewerScene) -> str:
         below.append(_TOPICS)
     layout: Any = _SCENE
     if below:
-        side = below[0] if len(below) == 1 else {"first": below[0], "second": below[1], "direction": "column"}
+        side: Any = below[-1]
+        for key in below[-2::-1]:
+            side = {"first": key, "second": side, "direction": "column"}
         layout = {"first": _SCENE, "second": side, "direction": "row", "splitPercentage": 72}
     document = {
         "configById": panels,
@@ -40,7 +49,9 @@ def foxglove_layout(scene: ViewerScene) -> str:
 
 def _scene(scene: ViewerScene) -> dict[str, Any]:
     topics: dict[str, Any] = {
-        topic.name: {"visible": True, **panel.foxglove} for topic, panel in scene.panels
+        topic.name: {"visible": True, **panel.foxglove}
+        for topic, panel in scene.panels
+        if panel.rviz != IMAGE_DISPLAY
     }
     topics |= {topic.name: {"visible": True} for topic in scene.markers}
     return {
@@ -76,6 +87,12 @@ def _scene(scene: ViewerScene) -> dict[str, Any]:
             }
         },
     }
+
+
+def _image(topic: str) -> dict[str, Any]:
+    """A panel of a camera's images, whose calibration is beside them."""
+    calibration = f"{topic.rsplit('/', 2)[0]}/camera_info"
+    return {"imageMode": {"imageTopic": topic, "calibrationTopic": calibration}}
 
 
 def _plot(path: str, label: str) -> dict[str, Any]:

@@ -36,7 +36,12 @@ class Instrumented:
         geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._onboard = OnBoard(name, scenario.sensors, geodesy, clock.step_s, clock.seed)
         drive = DriveSettings(
-            clock.seed, clock.step_s, scenario.environment.weather, scenario.recording.markers
+            clock.seed,
+            clock.step_s,
+            scenario.environment.weather,
+            scenario.recording.markers,
+            origin.latitude_deg,
+            origin.longitude_deg,
         )
         self._sensors = scenario.sensors.mounted_on(name, drive)
         self.mounts = {place: pose for sensor in self._sensors for place, pose in sensor.mounts.items()}

@@ -92,7 +92,7 @@ def rain(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
     A drop reflects specularly, by Fresnel reflection at normal incidence: ((n - 1)/(n + 1))^2 = 0.02.
     """
     slope_per_mm = 4.1 * rate_mm_per_h**-0.21
-    return Particles(8000.0, slope_per_mm, 0.02, _extinction_per_m(8000.0, slope_per_mm), sensor)
+    return Particles(8000.0, slope_per_mm, 0.02, rain_extinction_per_m(rate_mm_per_h), sensor)
 
 
 def snow(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
@@ -103,8 +103,18 @@ def snow(rate_mm_per_h: float, sensor: LidarSensor) -> Particles:
     """
     density = 3.8e3 * rate_mm_per_h**-0.87
     slope_per_mm = 2.55 * rate_mm_per_h**-0.48
-    extinction_per_m = 10 ** (2 / 3) * _extinction_per_m(density, slope_per_mm)
-    return Particles(density, slope_per_mm, 0.9, extinction_per_m, sensor)
+    return Particles(density, slope_per_mm, 0.9, snow_extinction_per_m(rate_mm_per_h), sensor)
+
+
+def rain_extinction_per_m(rate_mm_per_h: float) -> float:
+    """The extinction coefficient of rain."""
+    return _extinction_per_m(8000.0, 4.1 * rate_mm_per_h**-0.21)
+
+
+def snow_extinction_per_m(rate_mm_per_h: float) -> float:
+    """The extinction coefficient of snow."""
+    slope_per_mm = 2.55 * rate_mm_per_h**-0.48
+    return 10 ** (2 / 3) * _extinction_per_m(3.8e3 * rate_mm_per_h**-0.87, slope_per_mm)
 
 
 def _extinction_per_m(density: float, slope_per_mm: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 import numpy.typing as npt
 
@@ -93,8 +95,25 @@ def poses_at(twist: Float64, times_s: Float64) -> Float64:
     return poses
 
 
-def mounting(sensor: LidarSensor) -> Float64:
-    """`base_SE3_lidar` (4, 4): roll, then pitch (positive is down), then yaw, about fixed axes (REP-103)."""
+class MountedPose(Protocol):
+    """The keys of a section that say where a sensor is mounted."""
+
+    @property
+    def x_m(self) -> float: ...
+    @property
+    def y_m(self) -> float: ...
+    @property
+    def z_m(self) -> float: ...
+    @property
+    def roll_deg(self) -> float: ...
+    @property
+    def pitch_deg(self) -> float: ...
+    @property
+    def yaw_deg(self) -> float: ...
+
+
+def mounting(sensor: MountedPose) -> Float64:
+    """`base_SE3_sensor` (4, 4): roll, then pitch (positive is down), then yaw, about fixed axes (REP-103)."""
     roll, pitch, yaw = np.deg2rad([sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg])
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])

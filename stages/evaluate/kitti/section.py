@@ -36,7 +36,7 @@ FORMULAS = (
         "kitti_ap",
         "precision by KITTI's own program, read at 40 recall positions (R40) and, as before 2019, at 11 "
         "(R11); official overlaps: Car .7, Pedestrian and Cyclist .5. Only detections in the image of "
-        "camera 2 take part",
+        "camera 2, or of the drive's own camera, take part",
         ("r11", "r40"),
         title="Average precision by KITTI's own program",
     ),

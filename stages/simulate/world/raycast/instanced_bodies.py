@@ -19,6 +19,8 @@ from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Float32, Returns, Scene
+from advpipe.stages.simulate.world.raycast.sight import Sight
+from advpipe.stages.simulate.world.raycast.sun_beams import SunBeams
 from advpipe.stages.simulate.world.raycast.windows import SortedRays
 
 
@@ -29,6 +31,18 @@ class CandidateHits:
     rays: npt.NDArray[np.int64]
     users: npt.NDArray[np.int64]
     returns: Returns
+
+
+@dataclass(frozen=True)
+class CandidateSights:
+    """N pairs of a ray and a road user that it may hit (indices), and what it sees of this user alone.
+
+    Normals are in the user's own frame.
+    """
+
+    rays: npt.NDArray[np.int64]
+    users: npt.NDArray[np.int64]
+    sight: Sight
 
 
 class InstancedBodies:
@@ -54,16 +68,53 @@ class InstancedBodies:
 
     def candidate_hits(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateHits:
         """Cast those of the rays (R, 6) in the map's frame that may hit a road user."""
-        slots = np.array([self._slot[user.variant.name] for user in users], dtype=np.int64)
-        map_SE3_box = np.array([user.map_SE3_base for user in users], dtype=np.float64).reshape(-1, 4, 4)
-        map_SE3_box[:, :3, 3] += map_SE3_box[:, :3, 2] * self._centre_m[slots, None]
+        slots, map_SE3_box = self._boxes(users)
         chosen, user_of_ray = SortedRays(rays).pairs(map_SE3_box, self._half_m[slots])
-        local, start_m = self._in_box_frames(rays[chosen], map_SE3_box, self._radius_m[slots], user_of_ray)
-        local[:, 2] += (self._slot_z_m + self._centre_m)[slots].astype(np.float32)[user_of_ray]
+        local, start_m = self._local(rays[chosen], map_SE3_box, slots, user_of_ray)
         returns = self._scene.returns(local, slots.astype(np.int32)[user_of_ray])
         returns.range_m[:] += start_m
         returns.panes.range_m[:] += start_m[returns.panes.rays]
         return CandidateHits(chosen, user_of_ray, returns)
+
+    def candidate_sights(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateSights:
+        """Cast those of the rays (R, 6) of visible light that may hit a road user."""
+        slots, map_SE3_box = self._boxes(users)
+        chosen, user_of_ray = SortedRays(rays).pairs(map_SE3_box, self._half_m[slots])
+        local, start_m = self._local(rays[chosen], map_SE3_box, slots, user_of_ray)
+        sight = self._scene.sight(local, slots.astype(np.int32)[user_of_ray])
+        sight.range_m[:] += start_m
+        sight.panes.range_m[:] += start_m[sight.panes.rays]
+        return CandidateSights(chosen, user_of_ray, sight)
+
+    def shades(self, points_m: Float32, sun: Float32, users: Sequence[RoadUser]) -> npt.NDArray[np.bool_]:
+        """Whether a road user is between each of the points (3, N) and the sun, in the direction (3,)."""
+        slots, map_SE3_box = self._boxes(users)
+        shaded = np.zeros(points_m.shape[1], np.bool_)
+        chosen, user_of_ray = SunBeams(points_m, sun).pairs(map_SE3_box, self._half_m[slots])
+        rays = np.empty((len(chosen), 6), np.float32)
+        rays[:, :3], rays[:, 3:] = points_m[:, chosen].T, sun
+        local, _ = self._local(rays, map_SE3_box, slots, user_of_ray)
+        shaded[chosen[self._scene.is_met(local, slots.astype(np.int32)[user_of_ray])]] = True
+        return shaded
+
+    def _boxes(self, users: Sequence[RoadUser]) -> tuple[npt.NDArray[np.int64], Float64]:
+        """The place of each user's variant in the stack, and the pose (4, 4) of its box's centre."""
+        slots = np.array([self._slot[user.variant.name] for user in users], dtype=np.int64)
+        map_SE3_box = np.array([user.map_SE3_base for user in users], dtype=np.float64).reshape(-1, 4, 4)
+        map_SE3_box[:, :3, 3] += map_SE3_box[:, :3, 2] * self._centre_m[slots, None]
+        return slots, map_SE3_box
+
+    def _local(
+        self,
+        rays: Float32,
+        map_SE3_box: Float64,
+        slots: npt.NDArray[np.int64],
+        user_of_ray: npt.NDArray[np.int64],
+    ) -> tuple[Float32, Float32]:
+        """Rays in the stack's frame, and how far (N,) each has gone by then."""
+        local, start_m = self._in_box_frames(rays, map_SE3_box, self._radius_m[slots], user_of_ray)
+        local[:, 2] += (self._slot_z_m + self._centre_m)[slots].astype(np.float32)[user_of_ray]
+        return local, start_m
 
     @staticmethod
     def _in_box_frames(

@@ -24,6 +24,13 @@ class Mesh:
     triangles: npt.NDArray[np.int64]
     materials: npt.NDArray[np.uint8]
 
+    def unit_normals(self) -> Float64:
+        """The normal (T, 3) of each triangle, to the side from which its corners run anticlockwise."""
+        a, b, c = (self.vertices_m[self.triangles[:, corner]] for corner in range(3))
+        normals = np.cross(b - a, c - a)
+        unit: Float64 = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return unit
+
     def transformed(self, a_SE3_b: Float64) -> Mesh:
         """The mesh, given in frame b, in frame a."""
         return Mesh(transform_points(a_SE3_b, self.vertices_m), self.triangles, self.materials)

@@ -16,11 +16,15 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TRANSMITTANCE,
 )
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
+from advpipe.stages.simulate.world.raycast.sight import Glimpses, Sight
 
 Float32 = npt.NDArray[np.float32]
 
 MAX_PANES = 4
 """Most panes of one mesh that a ray passes; behind the last one, it has no return."""
+
+MAX_SEEN_PANES = 2
+"""The same for visible light: both sides of a vehicle. Each further pane costs a cast of a few rays."""
 
 SPECULAR_COS = np.float32(np.cos(np.deg2rad(5.0)))
 """A pane returns only rays this close to its normal: its reflection is specular, so at any other angle it
@@ -106,6 +110,8 @@ class Scene:
         # The last entry, beyond the triangles, is for rays that hit nothing.
         self._materials = np.append(mesh.materials, np.uint8(0))
         self._parts = None if parts is None else np.append(parts, np.int32(-1))
+        self._normals = np.ascontiguousarray(mesh.unit_normals().T, np.float32)
+        self._is_pane = np.append(TRANSMITTANCE[mesh.materials] > 0, False)
         self._scene = o3d.t.geometry.RaycastingScene()
         if len(mesh.triangles):
             self._scene.add_triangles(
@@ -161,6 +167,71 @@ class Scene:
             range_m[self._parts[triangles] != parts] = np.inf
         cos: Float32 = np.abs(np.einsum("ij,ij->i", result["primitive_normals"].numpy(), rays[:, 3:]))
         return range_m, np.minimum(cos, np.float32(1)), self._materials[triangles]
+
+    def sight(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> Sight:
+        """Cast rays (R, 6) of visible light, each into its own part (R,) if given.
+
+        They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque.
+        """
+        range_m, normals, triangles = self._nearest(rays, parts)
+        through = np.flatnonzero(self._is_pane[triangles])
+        passed: list[tuple[npt.NDArray[np.int64], Float32, Float32, Float32]] = []
+        for _ in range(MAX_SEEN_PANES):
+            if not len(through):
+                break
+            panes = self._materials[triangles[through]]
+            passed.append((through, range_m[through], np.sqrt(TRANSMITTANCE[panes]), normals[through]))
+            start_m = range_m[through] + STEP_M
+            onward = rays[through]
+            onward[:, :3] += start_m[:, None] * onward[:, 3:]
+            found_m, found_normals, found = self._nearest(onward, None if parts is None else parts[through])
+            range_m[through], normals[through], triangles[through] = start_m + found_m, found_normals, found
+            through = through[self._is_pane[found]]
+        if not passed:
+            passed = [(through, range_m[:0], range_m[:0], normals[:0])]
+        columns = (np.concatenate(column) for column in zip(*passed, strict=True))
+        return Sight(range_m, normals, triangles, Glimpses(*columns))
+
+    def materials_of(self, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
+        """The materials (N,) of triangles (N,)."""
+        found: npt.NDArray[np.uint8] = self._materials[triangles]
+        return found
+
+    def normals_of(self, triangles: npt.NDArray[np.intp], out: Float32) -> None:
+        """Write the normals, of either side, of triangles (N,) as rows (3, N)."""
+        for axis in range(3):
+            out[axis] = np.take(self._normals[axis], triangles, mode="clip")
+
+    def is_occluded(self, rays: Float32) -> npt.NDArray[np.bool_]:
+        """Whether each ray (R, 6) meets anything, panes included."""
+        if len(self._materials) == 1:
+            return np.zeros(len(rays), np.bool_)
+        occluded: npt.NDArray[np.bool_] = self._scene.test_occlusions(
+            o3d.core.Tensor.from_numpy(rays)
+        ).numpy()
+        return occluded
+
+    def is_met(self, rays: Float32, parts: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+        """Whether each ray (R, 6) meets its own part (R,) first, panes included."""
+        met: npt.NDArray[np.bool_] = self._nearest(rays, parts)[2] >= 0
+        return met
+
+    def _nearest(
+        self, rays: Float32, parts: npt.NDArray[np.int32] | None
+    ) -> tuple[Float32, Float32, npt.NDArray[np.int32]]:
+        """Range, normal (of either side), and triangle of the first hit of each ray."""
+        count = len(rays)
+        if len(self._materials) == 1 or not count:
+            nothing = np.full(count, np.inf, np.float32), np.zeros((count, 3), np.float32)
+            return *nothing, np.full(count, -1, np.int32)
+        result = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
+        range_m: Float32 = result["t_hit"].numpy()
+        triangles: npt.NDArray[np.int32] = result["primitive_ids"].numpy().view(np.int32)
+        normals: Float32 = result["primitive_normals"].numpy()
+        if parts is not None and self._parts is not None:
+            other = self._parts[triangles] != parts
+            range_m[other], triangles[other] = np.inf, -1
+        return range_m, normals, triangles
 
 
 def _open_panes(range_m: Float32, cos: Float32, materials: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:

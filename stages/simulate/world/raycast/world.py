@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +13,14 @@ import shapely
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.boxes import Boxes, joined_boxes
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.sensors.camera.surfaces import Surfaces
 from advpipe.pipeline.sensors.world import Hits, Offer
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.road_network.roads import Roads, lay_out_roads
 from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
 from advpipe.stages.simulate.world.raycast.barriers import build_barriers
+from advpipe.stages.simulate.world.raycast.body_look import BodyLook
 from advpipe.stages.simulate.world.raycast.body_meshes import body_meshes
 from advpipe.stages.simulate.world.raycast.ground import build_ground
 from advpipe.stages.simulate.world.raycast.instanced_bodies import CandidateHits, InstancedBodies
@@ -26,6 +29,8 @@ from advpipe.stages.simulate.world.raycast.mesh import merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied
 from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, Returns, Scene
 from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
+from advpipe.stages.simulate.world.raycast.static_look import StaticLook
+from advpipe.stages.simulate.world.raycast.view import Viewer, moved_on
 
 NEAR_M = 10.0
 """Margin on the range of parked cars, whose bodies extend beyond their position."""
@@ -39,7 +44,7 @@ class RaycastWorld:
 
     def __init__(self, scenario: Scenario, network: RoadNetwork, variants: dict[str, Variant]) -> None:
         seed = scenario.simulation.seed
-        self.offers: frozenset[Offer] = frozenset({"road users", "rays"})
+        self.offers: frozenset[Offer] = frozenset({"road users", "rays", "surfaces"})
         self.roads: Roads = lay_out_roads(network)
         occupied = Occupied(self.roads)
 
@@ -55,13 +60,25 @@ class RaycastWorld:
             scenery,
             *build_barriers(scenario.environment.barriers, self.roads, occupied, generator("barriers")),
         ]
-        self._static = Scene(merge(static))
-        self._bodies = InstancedBodies(variants, body_meshes(variants, scenario.bodies))
+        ground = merge(static)
+        self._static = Scene(ground)
+        meshes = body_meshes(variants, scenario.bodies)
+        self._bodies = InstancedBodies(variants, meshes)
         self.parked_boxes = boxes_of(self.parked)
+        look = partial(StaticLook, ground, footprints, generator("look"))
+        body_look = partial(BodyLook, [meshes[name] for name in variants])
+        self._make_viewer: Callable[[], Viewer] = lambda: Viewer(
+            self._static, look(), self._bodies, body_look()
+        )
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> RaycastSurroundings:
         return RaycastSurroundings(self, carrier, users)
+
+    @cached_property
+    def viewer(self) -> Viewer:
+        """What cameras see."""
+        return self._make_viewer()
 
     def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> MaterialHits:
         """Cast rays (R, 6) in the map's frame into the static world with these road users.
@@ -106,6 +123,17 @@ class RaycastSurroundings:
         place[2 + parked] = len(moving) + np.arange(len(parked))
         objects = np.where(hits.objects < -1, place[np.maximum(-hits.objects, 0)], hits.objects)
         return replace(hits, objects=objects, occlusion=hits.occlusion[slots])
+
+    def surfaces(self, rays: Float32, range_m: float, pixel_rad: float, time_s: float = 0.0) -> Surfaces:
+        users = self._near_users(range_m)
+        return self._world.viewer.surfaces(rays, moved_on(users, time_s) if time_s else users, pixel_rad)
+
+    def is_shaded(self, points_m: Float32, sun: Float32, range_m: float) -> npt.NDArray[np.bool_]:
+        return self._world.viewer.is_shaded(points_m, sun, [*self._near_users(range_m), self._carrier])
+
+    def _near_users(self, range_m: float) -> list[RoadUser]:
+        moving, parked = self._within(range_m)
+        return [*moving, *(self._world.parked[index] for index in parked)]
 
     def _within(self, range_m: float) -> tuple[list[RoadUser], npt.NDArray[np.int64]]:
         """The moving road users within the range, and the indices of the parked cars within it."""

@@ -111,7 +111,7 @@ def test_every_sensor_records_the_topics_that_it_declares(bag: Path) -> None:
     declared: set[str] = set()
     for vehicle in ("ego", "truck_1"):
         for kind, sections in load_scenario("smoke").sensors.carried_by("ego"):
-            if not sections:  # radars, of which this scenario has none
+            if not sections:  # a kind of which this scenario has none
                 continue
             names = (
                 {"ego": ("lidar", "front"), "truck_1": ("roof",)}[vehicle] if "" not in sections else ("",)

@@ -1,0 +1,244 @@
+"""The picture of one camera at one instant: primary and shadow rays, their light, and smooth edges."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.sensors.camera.contact import openness
+from advpipe.pipeline.sensors.camera.lens import Lens
+from advpipe.pipeline.sensors.camera.palette import TAG
+from advpipe.pipeline.sensors.camera.shading import Shading
+from advpipe.pipeline.sensors.camera.surfaces import Surfaces, VisibleSurroundings
+
+Float32 = npt.NDArray[np.float32]
+Int64 = npt.NDArray[np.int64]
+
+MAX_RAYS = 1 << 18
+"""Most rays that are cast at once, for flat memory; parts of a picture run side by side. The parts, and so
+the bytes of a picture, do not depend on the number of processors."""
+
+WORKERS, BANDS = 2, 3
+"""Threads of one camera, and the least number of bands of rows that they share; the top one is mostly sky."""
+
+OFFSETS_PX = ((0.0, -0.36), (0.32, 0.2), (-0.32, 0.2))
+"""Where the three further rays of a pixel pass, beside the one through its centre."""
+
+SHADOW_RANGE_M = 60.0
+"""Range of the road users that cast shadows."""
+
+
+@dataclass(frozen=True)
+class Layers:
+    """What the rays through the centres of P = H W pixels meet, row by row.
+
+    range_m: (P,) float32. tags: (P,) uint8. objects: (P,) int32, -1 for none. visible: (M,) int64, number of
+    pixels of each road user; alone: (M,) int64, the same if nothing else were there. visible_px, alone_px:
+    (M, 4) int64, first and last column and row of those: left, top, right, bottom.
+    """
+
+    range_m: Float32
+    tags: npt.NDArray[np.uint8]
+    objects: npt.NDArray[np.int32]
+    visible: Int64
+    alone: Int64
+    visible_px: Int64
+    alone_px: Int64
+
+
+@dataclass(frozen=True)
+class View:
+    """Where a camera looks from. map_SE3_optical, map_SE3_base: (4, 4). time_s: after the instant."""
+
+    map_SE3_optical: Float64
+    map_SE3_base: Float64
+    time_s: float = 0.0
+
+
+class Photographer:
+    """Casts and shades the rays of one lens. range_m: of road users. samples: 1 or 4 rays per pixel."""
+
+    def __init__(self, lens: Lens, range_m: float, samples: int) -> None:
+        self.lens, self._range_m, self._samples = lens, range_m, samples
+        width, height = self.size_px = lens.size_px
+        x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+        rays = lens.directions(np.column_stack([x.ravel(), y.ravel()]))
+        self._blind = np.flatnonzero(np.isnan(rays).any(axis=1))
+        rays[self._blind] = (0.0, 0.0, 1.0)
+        self._directions: Float32 = rays.astype(np.float32)
+        middle = lens.directions(np.array([[width / 2, height / 2], [width / 2 + 1, height / 2]]))
+        self._workers = ThreadPoolExecutor(WORKERS)
+        self._pixel_rad = float(np.linalg.norm(middle[1] - middle[0]))
+
+    def take(
+        self, world: VisibleSurroundings, view: View, boxes: Float64, shading: Shading | None
+    ) -> tuple[Float32 | None, Layers]:
+        """The radiance (3, H, W), None without shading, and the layers of one image."""
+        width, height = self.size_px
+        first = _FirstPass(width * height, len(boxes))
+        radiance = None if shading is None else np.empty((3, width * height), np.float32)
+        light = np.ones(width * height, np.float32)
+        rows = max(min(MAX_RAYS // width, -(-height // BANDS)), 1)
+
+        def band(top: int) -> None:
+            pixels = slice(top * width, min(top + rows, height) * width)
+            rays = self._rays(view, self._directions[pixels])
+            surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
+            is_lit = None if shading is None else _sun_lit(world, shading, surfaces)
+            first.take(pixels, surfaces, is_lit)
+            if shading is None or radiance is None or is_lit is None:
+                return
+            light[pixels] = self._openness(boxes, surfaces, view, pixels, top)
+            openness = light[pixels][surfaces.rays]
+            radiance[:, pixels] = shading.radiance(surfaces, rays, is_lit, openness, view.map_SE3_base)
+
+        list(self._workers.map(band, range(0, height, rows)))
+        layers = first.layers(self._blind, width)
+        if radiance is None or shading is None:
+            return None, layers
+        self._smooth(world, view, shading, radiance, first, light)
+        radiance[:, self._blind] = 0.0
+        return radiance.reshape(3, height, width), layers
+
+    def _smooth(
+        self,
+        world: VisibleSurroundings,
+        view: View,
+        shading: Shading,
+        radiance: Float32,
+        first: _FirstPass,
+        light: Float32,
+    ) -> None:
+        """Average further rays of the pixels at edges, or of all pixels, in place."""
+        if self._samples == 1:
+            chosen = np.flatnonzero(first.edges(*self.size_px))
+        else:
+            chosen = np.arange(radiance.shape[1])
+        per_cast = max(min(MAX_RAYS // len(OFFSETS_PX), -(-len(chosen) // WORKERS)), 1)
+
+        def part(start: int) -> None:
+            pixels = chosen[start : start + per_cast]
+            rays = self._rays(view, self._beside(pixels))
+            surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
+            is_lit = _sun_lit(world, shading, surfaces)
+            openness = light[pixels][surfaces.rays % len(pixels)]
+            further = shading.radiance(surfaces, rays, is_lit, openness, view.map_SE3_base)
+            total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
+            radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
+
+        list(self._workers.map(part, range(0, len(chosen), per_cast)))
+
+    def _beside(self, pixels: Int64) -> Float32:
+        """Directions (3 K, 3) that pass beside the centres of pixels (K,), by those of their neighbours."""
+        width, height = self.size_px
+        aside = np.where(pixels % width + 1 < width, 1, -1)
+        below = np.where(pixels + width < width * height, width, -width)
+        own = np.take(self._directions, pixels, axis=0)
+        right = (np.take(self._directions, pixels + aside, axis=0) - own) * aside[:, None].astype(np.float32)
+        down = np.take(self._directions, pixels + below, axis=0) - own
+        down *= np.sign(below)[:, None].astype(np.float32)
+        beside = np.concatenate([own + np.float32(x) * right + np.float32(y) * down for x, y in OFFSETS_PX])
+        beside /= np.sqrt(np.einsum("ij,ij->i", beside, beside))[:, None]
+        return beside
+
+    def _rays(self, view: View, directions: Float32) -> Float32:
+        rays = np.empty((len(directions), 6), np.float32)
+        rays[:, :3] = view.map_SE3_optical[:3, 3]
+        np.matmul(directions, view.map_SE3_optical[:3, :3].T.astype(np.float32), out=rays[:, 3:])
+        return rays
+
+    def _openness(self, boxes: Float64, surfaces: Surfaces, view: View, pixels: slice, top: int) -> Float32:
+        """See `openness`, for a band of rows from `top` on."""
+        count, width = pixels.stop - pixels.start, self.size_px[0]
+        is_ground = np.zeros(count, np.bool_)
+        level = np.flatnonzero((surfaces.objects < 0) & (surfaces.normals[2] > np.float32(0.7)))
+        place = surfaces.rays[level]
+        is_ground[place] = True
+        points_m = np.zeros((3, count), np.float32)
+        for axis in range(3):
+            points_m[axis, place] = surfaces.points_m[axis, level]
+        shape = count // width, width
+        return openness(
+            boxes, points_m.reshape(3, *shape), is_ground.reshape(shape), self.lens, view.map_SE3_optical, top
+        ).ravel()
+
+
+def _sun_lit(world: VisibleSurroundings, shading: Shading, surfaces: Surfaces) -> npt.NDArray[np.bool_]:
+    is_lit = np.zeros(len(surfaces.rays), np.bool_)
+    facing = shading.sun_lit(surfaces)
+    if len(facing):
+        origins = shading.shadow_origins(surfaces, facing)
+        is_lit[facing] = ~world.is_shaded(origins, shading.sun, SHADOW_RANGE_M)
+    return is_lit
+
+
+class _FirstPass:
+    """Collects what the rays through the centres of all pixels meet."""
+
+    def __init__(self, pixels: int, users: int) -> None:
+        self.range_m = np.full(pixels, np.inf, np.float32)
+        self.tags = np.full(pixels, TAG["Sky"], np.uint8)
+        self.objects = np.full(pixels, -1, np.int32)
+        self._keys = np.zeros(pixels, np.int32)
+        self._is_fine = np.zeros(pixels, np.bool_)
+        self._alone: list[tuple[Int64, Int64]] = []
+        self._users = users
+
+    def take(self, pixels: slice, surfaces: Surfaces, is_lit: npt.NDArray[np.bool_] | None) -> None:
+        """Take the surfaces of a band of pixels; is_lit: (K,), None without light."""
+        place = surfaces.rays + pixels.start
+        self.range_m[place], self.tags[place] = surfaces.range_m, surfaces.tags
+        self.objects[place] = surfaces.objects
+        self._alone.append((surfaces.alone_rays + pixels.start, surfaces.alone_users))
+        if is_lit is None:
+            return
+        x, y, z = (surfaces.normals * np.float32(3) + np.float32(3.5)).astype(np.int32)
+        keys = surfaces.objects + np.int32(2)
+        for value, bits in ((surfaces.materials, 8), (is_lit, 1), (x, 3), (y, 3), (z, 3)):
+            keys <<= bits
+            keys |= value
+        self._keys[place], self._is_fine[place] = keys, surfaces.is_fine
+
+    def layers(self, blind: Int64, width: int) -> Layers:
+        self.range_m[blind], self.tags[blind], self.objects[blind] = np.inf, 0, -1
+        alone_pixels, alone_users = (np.concatenate(column) for column in zip(*self._alone, strict=True))
+        if len(blind):
+            seen = ~np.isin(alone_pixels, blind)
+            alone_pixels, alone_users = alone_pixels[seen], alone_users[seen]
+        own = np.flatnonzero(self.objects >= 0)
+        visible, visible_px = _extents(own, self.objects[own].astype(np.int64), self._users, width)
+        alone, alone_px = _extents(alone_pixels, alone_users, self._users, width)
+        return Layers(self.range_m, self.tags, self.objects, visible, alone, visible_px, alone_px)
+
+    def edges(self, width: int, height: int) -> npt.NDArray[np.bool_]:
+        """Pixels (H W,) that differ from a neighbour in more than texture."""
+        shape = height, width
+        edges = self._is_fine.reshape(shape).copy()
+        keys = self._keys.reshape(shape)
+        near = (1 / np.maximum(self.range_m, np.float32(0.1))).reshape(shape)
+        for a, b in (
+            ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
+            ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
+        ):
+            differs = keys[a] != keys[b]
+            differs |= np.abs(near[a] - near[b]) > np.float32(0.06) * np.maximum(near[a], near[b])
+            edges[a] |= differs
+            edges[b] |= differs
+        return edges.ravel()
+
+
+def _extents(pixels: Int64, users: Int64, count: int, width: int) -> tuple[Int64, Int64]:
+    """Number of pixels of each user, and their first and last column and row (M, 4)."""
+    extents = np.full((count, 4), -1, np.int64)
+    low = np.full((2, count), np.iinfo(np.int64).max)
+    column, row = pixels % width, pixels // width
+    for axis, place in enumerate((column, row)):
+        np.minimum.at(low[axis], users, place)
+        np.maximum.at(extents[:, 2 + axis], users, place)
+    numbers = np.bincount(users, minlength=count)
+    extents[:, :2] = np.where(numbers > 0, low, -1).T
+    return numbers, extents
