@@ -14,6 +14,7 @@ from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
 from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.tuning import (
     MAX_FALSE_POSITIVE_RATE,
+    WORST_STREAM,
     Stream,
     TuningScore,
     evaluated,
@@ -80,6 +81,14 @@ def test_where_no_setting_is_within_the_bound(make: Make, ego: ReceivingVehicle)
     candidates = threshold_candidates([broken], DetectorConfig())
     with pytest.raises(ValueError, match="no setting flags less than"):
         tune(candidates, evaluated([broken]))
+
+
+def test_the_worst_receiver_does_not_hide_behind_the_others(make: Make, ego: ReceivingVehicle) -> None:
+    """All of one stream's messages are flagged, a third of all; beyond the bound, no attack is looked at."""
+    good, attacked = stream(make, ego), stream(make, ego, 6.0, seed=1)
+    broken = replace(good, claims=[one._replace(invalid=1) for one in good.claims])
+    found = evaluated([good, broken, good, attacked])(DetectorConfig())
+    assert found == TuningScore(0.0, pytest.approx(1 / WORST_STREAM))
 
 
 def test_the_baseline_is_the_same_again(
