@@ -21,6 +21,7 @@ from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import StampedCdr, received_messages
 from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
+from advpipe.pipeline.v2x.message_type import DENM
 
 EGO = VehicleTopics("ego")
 
@@ -64,12 +65,23 @@ def test_what_a_bag_does_not_state_is_not_known(tmp_path: Path) -> None:
     assert math.isnan(one.sinr_db)
 
 
-@pytest.mark.parametrize("data", [b"", b"\x07", b"\x07\xd2\x00\x00for DENMs"])
-def test_packets_that_are_not_for_cams(tmp_path: Path, data: bytes) -> None:
+@pytest.mark.parametrize("data", [b"", b"\x07", b"\x07\xd3\x00\x00for MAPEMs"])
+def test_packets_that_are_for_nobody(tmp_path: Path, data: bytes) -> None:
     message = udp_packet(100, b"")
     message.data = np.frombuffer(data, np.uint8)
     reader = bag_of(tmp_path / "bag", [(EGO.received_raw, serialise(message, UDP_TYPE), 100)])
     assert [one.payload for one in recorded_receptions(reader, "ego")] == [None]
+
+
+def test_each_type_of_message_is_read_by_itself(tmp_path: Path) -> None:
+    messages = []
+    for stamp_ns, data in ((100, b"\x07\xd1\x00\x00cam"), (200, b"\x07\xd2\x00\x00denm")):
+        message = udp_packet(stamp_ns, b"")
+        message.data = np.frombuffer(data, np.uint8)
+        messages.append((EGO.received_raw, serialise(message, UDP_TYPE), stamp_ns))
+    reader = bag_of(tmp_path / "bag", messages)
+    assert [one.payload for one in recorded_receptions(reader, "ego")] == [b"cam"]
+    assert [one.payload for one in recorded_receptions(reader, "ego", kind=DENM)] == [b"denm"]
 
 
 @pytest.mark.parametrize("place", [1, 2])
