@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from pydantic import create_model, model_validator
+from pydantic import SerializerFunctionWrapHandler, create_model, model_serializer, model_validator
 
 from advpipe.pipeline.core.section import Section
 from advpipe.pipeline.localisation.section import (
@@ -34,6 +34,13 @@ class CarriedSensors(Section):
                 raise ValueError(f"{place} has the name of another sensor of its vehicle; rename it")
             taken.add((section.vehicle, name))
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without kinds of sensors that no vehicle has by default: drives are recorded as before there were
+        any."""
+        tree: dict[str, Any] = handler(self)
+        return {key: each for key, each in tree.items() if each or type(self).model_fields[key].default != {}}
 
     def mounted(self) -> Iterator[tuple[str, str, MountedSection]]:
         """Yield every sensor that is configured by name: its key path in this section, name and settings."""

@@ -18,7 +18,7 @@ from advpipe.pipeline.core.section import (
     Whole,
 )
 from advpipe.pipeline.v2x.cpm_section import CpmRules
-from advpipe.pipeline.v2x.message_type import CAM, DENM, MessageType
+from advpipe.pipeline.v2x.message_type import CAM, CPM, DENM, MessageType
 from advpipe.pipeline.v2x.station_section import DenmRules as DenmRules
 from advpipe.pipeline.v2x.station_section import PseudonymRules as PseudonymRules
 
@@ -305,7 +305,8 @@ class V2x(Section):
     @property
     def message_types(self) -> tuple[MessageType, ...]:
         """The types of messages that stations send."""
-        return (CAM,) if self.denm is None else (CAM, DENM)
+        further = ((DENM, self.denm), (CPM, self.cpm))
+        return (CAM, *(kind for kind, rules in further if rules is not None))
 
     @property
     def has_packets(self) -> bool:

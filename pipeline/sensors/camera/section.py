@@ -67,7 +67,7 @@ class CameraSensor(MountedSection):
     projection: Literal["pinhole", "fisheye"] = Field(
         "pinhole", description="pinhole, or fisheye: equidistant, the angle grows with the distance"
     )
-    fov: Number = Field(90.0, gt=0, lt=360, description="horizontal field of view in degrees")
+    fov: Number = Field(90.0, ge=0.1, lt=360, description="horizontal field of view in degrees")
     intrinsics: Intrinsics | None = Field(None, description="in place of fov")
     distortion: tuple[Coefficient, ...] = Field(
         (), max_length=5, description="k1, k2, p1, p2, k3 (plumb_bob) of a pinhole, k1 to k4 of a fisheye"

@@ -32,8 +32,8 @@ class RadarSensor(MountedSection):
     z_m: MountingHeightM = Field(0.5, description="mounting height above the road")
     pitch_deg: Number = Field(0.0, ge=-90, le=90, description="mounting pitch; positive points down")
     yaw_deg: Number = Field(0.0, ge=-180, le=180, description="mounting yaw; positive turns to the left")
-    horizontal_fov: Number = Field(30.0, gt=0, lt=360, description="horizontal field of view in degrees")
-    vertical_fov: Number = Field(30.0, gt=0, le=180, description="vertical field of view in degrees")
+    horizontal_fov: Number = Field(30.0, ge=0.1, lt=360, description="horizontal field of view in degrees")
+    vertical_fov: Number = Field(30.0, ge=0.1, le=180, description="vertical field of view in degrees")
     range: RangeM = Field(100.0, description="maximum range in metres; the receiver filters out all beyond")
     points_per_second: Whole = Field(
         1500, ge=1, le=20_000_000, description="rays per second that sample what is no road user"

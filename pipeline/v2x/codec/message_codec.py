@@ -44,11 +44,12 @@ class MessageCodec:
 
     def encode(self, tree: MessageTree) -> bytes:
         """Encode a message. Raises `error` for values that the ASN.1 does not allow."""
+        asn1 = self.asn1
         with suppress(Exception):  # pycrate raises it again, with the reason
             return self._uper.encode(tree)
         with PYCRATE_LOCK:
             try:
-                return bytes(self.asn1.to_uper(deepcopy(tree)))  # which drops default values from it
+                return bytes(asn1.to_uper(deepcopy(tree)))  # which drops default values from it
             except Exception as error:  # pycrate's own errors, and others for values of a wrong type
                 raise self.error(f"cannot encode these values as a {self.name}: {_reason(error)}") from None
 
@@ -60,9 +61,9 @@ class MessageCodec:
         ignored, and extensions of later releases in a SEQUENCE are skipped, as a receiver of this release
         does.
         """
-        tree: MessageTree | None = None
+        uper, tree = self._uper, None
         with suppress(Exception):
-            tree = self._uper.decode(payload)
+            tree = uper.decode(payload)
         if tree is None:
             tree = self._decode_slowly(payload)
         self._refuse_other_messages(tree["header"])
