@@ -21,9 +21,9 @@ def test_presets_set_keys_that_others_override(name: str) -> None:
 @pytest.mark.parametrize(
     ("keys", "problem"),
     [
-        ("horizontal_fov: 0", "horizontal_fov: Input should be greater than 0"),
+        ("horizontal_fov: 0", "horizontal_fov: Input should be greater than or equal to 0.1"),
         ("horizontal_fov: 360", "horizontal_fov: Input should be less than 360"),
-        ("horizontal_fov: -20", "horizontal_fov: Input should be greater than 0"),
+        ("horizontal_fov: -20", "horizontal_fov: Input should be greater than or equal to 0.1"),
         ("vertical_fov: 181", "vertical_fov: Input should be less than or equal to 180"),
         ("z_m: -0.2", "z_m: Input should be greater than or equal to 0.01"),
         ("preset: corners", "preset 'corners' is unknown; "),
