@@ -26,8 +26,8 @@ ONLY_FOR_TERMINALS = {
     "sweep": {"check"},
     "simulate": {"seeds", "workers", "cluster"},
 }
-"""Options of the command line that are parameters of an attack, by their names, in Python; a check; and drives
-of several seeds, each of which is a call in Python."""
+"""Options of the command line that are parameters of an attack, by their names, in Python; a check; and those
+of drives of several seeds, each of which is a call in Python."""
 RENAMED = {"evaluate": {"bags": "adversarial"}}
 """A few options have other names inside the command line, which users do not see."""
 SHOWN = {"evaluate": {"detector": "small", "defence": "default", "detect_attacks": "ray"}}
