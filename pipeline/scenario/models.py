@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from advpipe.pipeline.core.nearest import known_names
-from advpipe.pipeline.core.section import Implementation, Name, Positive, Section, Switch
+from advpipe.pipeline.core.section import Implementation, Name, Number, Section, Switch
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.carla import Carla
 from advpipe.pipeline.scenario.environment import Environment
@@ -40,11 +40,17 @@ class Recording(Section):
         "advpipe",
         description="names of the topics that `play` and `simulate --live` publish; the bag keeps advpipe's",
     )
-    split_s: Positive | None = Field(
-        None, description="length of each file of the bag in simulated seconds; null: the bag is one file"
+    split_s: Number | None = Field(
+        None,
+        ge=0.1,
+        le=1e6,
+        description="length of each file of the bag in simulated seconds; null: the bag is one file",
     )
-    split_mb: Positive | None = Field(
-        None, description="most megabytes of messages in each file, before compression; null: no limit"
+    split_mb: Number | None = Field(
+        None,
+        ge=0.001,
+        le=1e6,
+        description="most megabytes of messages in each file, before compression; null: no limit",
     )
 
     @model_serializer(mode="wrap")

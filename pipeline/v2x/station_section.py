@@ -52,8 +52,10 @@ class PseudonymRules(Section):
     )
     silent_min_s: NotNegative = Field(3.0, le=600, description="shortest silence of silent_period")
     silent_max_s: NotNegative = Field(13.0, le=600, description="longest silence of silent_period")
-    heading_deg: Positive = Field(20.0, le=180, description="turn that is a manoeuvre of vehicle_centric")
-    speed_mps: Positive = Field(3.0, le=100, description="change of the speed that is one")
+    heading_deg: Number = Field(
+        20.0, ge=0.1, le=180, description="turn that is a manoeuvre of vehicle_centric"
+    )
+    speed_mps: Positive = Field(3.0, ge=0.1, le=100, description="change of the speed that is one")
 
     @model_validator(mode="after")
     def _order(self) -> PseudonymRules:

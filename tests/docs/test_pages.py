@@ -65,9 +65,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_attack_is_in_a_catalogue(site: Path) -> None:
     """Those of a newcomer too: nobody has to write a page for one."""
-    pages = [
-        (site / f"{name}.html").read_text(encoding="utf-8") for name in ("lidar-attacks", "v2x-gnss-attacks")
-    ]
+    names = ("lidar-attacks", "v2x-gnss-attacks", "radar")
+    pages = [(site / f"{name}.html").read_text(encoding="utf-8") for name in names]
     linked = set(re.findall(r'<a href="#([a-z-]+)"><code>\1</code></a>', "".join(pages)))
     assert linked == set(ATTACKS)
     assert all(re.search(rf'<h3 id="{name}"', "".join(pages)) for name in ATTACKS)

@@ -73,7 +73,18 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-RECIPES = ("best", "hide", "robust", "stealthy", "paper", *BLACK_BOX, "random", "random-near", "random-best")
+RECIPES = (
+    "best",
+    "hide",
+    "robust",
+    "stealthy",
+    "paper",
+    "score-based",
+    "decision-based",
+    "random",
+    "random-near",
+    "random-best",
+)
 
 MAX_EPS_M = 5.0
 

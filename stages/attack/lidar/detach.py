@@ -50,7 +50,18 @@ from advpipe.stages.attack.lidar.robust_detach import RobustDetachProblem
 from advpipe.stages.attack.lidar.selection import Indices, choose_salient_points
 from advpipe.stages.attack.lidar.stealthy import NO_RINGS, StealthyDetachProblem
 
-RECIPES = ("best", "hide", "robust", "stealthy", "paper", *BLACK_BOX, "random", "random-near", "random-best")
+RECIPES = (
+    "best",
+    "hide",
+    "robust",
+    "stealthy",
+    "paper",
+    "score-based",
+    "decision-based",
+    "random",
+    "random-near",
+    "random-best",
+)
 
 
 @dataclass(kw_only=True, eq=False)

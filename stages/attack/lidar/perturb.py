@@ -63,7 +63,8 @@ RECIPES = {
     "random": 1,
     "random-near": 1,
     "random-best": 24,
-    **dict.fromkeys(BLACK_BOX, 24),
+    "score-based": 24,
+    "decision-based": 24,
 }
 """The default number of steps of each recipe: gradients, or random candidates."""
 

@@ -79,7 +79,7 @@ def test_a_vehicle_that_estimated_nothing(clean: EvaluatedDrive, smoke: Path, tm
     with BagWriter(tmp_path / "bag", provenance=reader.provenance) as bag:
         for raw in reader.raw_messages():
             if raw.topic.name == ODOMETRY:
-                bag._channel(raw.topic, raw.schema, raw.schema_encoding, raw.topic.type_hash)
+                bag._parts[-1]._new_channel(raw, raw.topic.type_hash)
             else:
                 bag.copy(raw)
     assert reader.topics[ODOMETRY].count > 0
