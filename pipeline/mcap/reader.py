@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import heapq
-import re
 import struct
-import zlib
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import IO
 
@@ -17,14 +15,12 @@ import numpy.typing as npt
 import zstandard
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.records import ChunkIndex, Statistics
 from mcap.summary import Summary
-from mcap.writer import MCAP0_MAGIC
 
-from advpipe.pipeline.core.errors import AdvpipeError, UsageError
-from advpipe.pipeline.core.short_repr import short_repr
-from advpipe.pipeline.mcap.channel import RawMessage, Topic
-from advpipe.pipeline.mcap.qos import qos_from_yaml
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.mcap.ends import check_ends
 from advpipe.pipeline.mcap.records import (
     inner_records,
     parse_chunk,
@@ -33,24 +29,13 @@ from advpipe.pipeline.mcap.records import (
     parse_record,
     read_records,
 )
+from advpipe.pipeline.mcap.ros2_topic import ros2_topic
 from advpipe.pipeline.mcap.summary import add_definition, data_records, read_metadata, read_summary
 from advpipe.pipeline.mcap.unpacking import MESSAGE_BYTES, UnpackBudget
-
-_FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, summary CRC
-_BLOCK_BYTES = 1 << 20
 
 WAITING_LIMIT_BYTES = 1 << 30
 """Most bytes of messages that are held back because chunks overlap in time."""
 
-_qos = lru_cache(256)(qos_from_yaml)
-_TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}", re.ASCII)
-SCHEMA_LIMIT_BYTES = 1 << 18
-"""The longest definition of a type that is read; the definition of the CAM has 28 kB."""
-
-LONGEST_TOPIC = 255
-"""The limit of ROS 2's middleware."""
-
-_SCHEMA_ENCODINGS = ("ros2msg", "ros2idl")
 DAMAGE = (
     McapError,
     zstandard.ZstdError,
@@ -275,74 +260,6 @@ class McapFile:
         for channel_id, count in (statistics.channel_message_counts if statistics else {}).items():
             counts[self.topics[channel_id].name] += count
         return counts
-
-
-def check_ends(path: Path) -> None:
-    """Check both ends of a file, and the checksum of its summary if it has one.
-
-    Raises UsageError for a file that is not MCAP, and AdvpipeError for a truncated or damaged one.
-    """
-    size = path.stat().st_size
-    magic_bytes = len(MCAP0_MAGIC)
-    with path.open("rb") as stream:
-        if size == 0:
-            raise UsageError(f"{path} is empty, not an MCAP file")
-        if stream.read(magic_bytes) != MCAP0_MAGIC:
-            raise UsageError(f"{path} is not an MCAP file (wrong magic bytes at the start)")
-        if size < 2 * magic_bytes + _FOOTER.size:
-            raise AdvpipeError(f"{path} is truncated: {size} bytes are too few for an MCAP file")
-        stream.seek(-(_FOOTER.size + magic_bytes), 2)
-        footer = stream.read(_FOOTER.size)
-        if stream.read() != MCAP0_MAGIC:
-            raise AdvpipeError(
-                f"{path} is truncated: the end of the MCAP file is missing; `advpipe recover` saves the rest"
-            )
-        _, _, summary_start, _, summary_crc = _FOOTER.unpack(footer)
-        if not summary_crc or not summary_start:
-            return
-        length, crc = size - magic_bytes - 4 - summary_start, 0
-        stream.seek(min(summary_start, size))  # systems refuse to seek to a huge offset
-        while length > 0 and (block := stream.read(min(length, _BLOCK_BYTES))):
-            length, crc = length - len(block), zlib.crc32(block, crc)
-        if length or crc != summary_crc:
-            raise AdvpipeError(f"{path}: damaged (summary checksum)")
-
-
-def ros2_topic(path: Path, channel: Channel, schema: Schema) -> Topic:
-    """The topic of a channel. Raises AdvpipeError for a channel that is not of a ROS 2 recording."""
-    if len(channel.topic) > LONGEST_TOPIC or "\0" in channel.topic:
-        raise AdvpipeError(
-            f"{path}: {channel.topic[:40]!r}... is not a valid topic name ({len(channel.topic)} characters)"
-        )
-    if channel.message_encoding != "cdr":
-        raise UsageError(
-            f"{path}: {channel.topic} is encoded as {short_repr(channel.message_encoding)}; "
-            "advpipe reads ROS 2 bags, where all topics are 'cdr'"
-        )
-    if schema.encoding not in _SCHEMA_ENCODINGS:
-        raise UsageError(
-            f"{path}: {channel.topic} has a schema encoded as {short_repr(schema.encoding)}, which is "
-            "not a ROS 2 encoding"
-        )
-    if not _TYPE_NAME.fullmatch(schema.name):  # rosbags generates code from it
-        raise AdvpipeError(
-            f"{path}: {channel.topic} has {short_repr(schema.name)}, which is not a valid type name"
-        )
-    if len(schema.data) > SCHEMA_LIMIT_BYTES:
-        raise AdvpipeError(
-            f"{path}: the definition of {schema.name} has {len(schema.data)} bytes; at most "
-            f"{SCHEMA_LIMIT_BYTES} are read"
-        )
-    try:
-        qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
-    except ValueError as error:
-        raise AdvpipeError(f"{path}: {channel.topic}: {error}") from None
-    return Topic(
-        name=channel.topic,
-        type=schema.name,
-        qos=qos,
-        type_hash=channel.metadata.get("topic_type_hash", ""),
-    )
 
 
 def _is_indexed(summary: Summary) -> bool:

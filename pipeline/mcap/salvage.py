@@ -15,7 +15,8 @@ from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
-from advpipe.pipeline.mcap.reader import DAMAGE, check_ends, ros2_topic
+from advpipe.pipeline.mcap.ends import check_ends
+from advpipe.pipeline.mcap.reader import DAMAGE
 from advpipe.pipeline.mcap.records import (
     Record,
     inner_records,
@@ -25,6 +26,7 @@ from advpipe.pipeline.mcap.records import (
     parse_record,
     read_records,
 )
+from advpipe.pipeline.mcap.ros2_topic import ros2_topic
 from advpipe.pipeline.mcap.summary import read_summary
 from advpipe.pipeline.mcap.unpacking import UnpackBudget
 

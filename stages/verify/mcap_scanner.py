@@ -27,7 +27,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import RawMessage, Topic
-from advpipe.pipeline.mcap.reader import DAMAGE, ros2_topic
+from advpipe.pipeline.mcap.reader import DAMAGE
 from advpipe.pipeline.mcap.records import (
     HEAD,
     Record,
@@ -38,6 +38,7 @@ from advpipe.pipeline.mcap.records import (
     parse_record,
     read_records,
 )
+from advpipe.pipeline.mcap.ros2_topic import ros2_topic
 from advpipe.pipeline.mcap.unpacking import UnpackBudget
 from advpipe.stages.verify.summary_check import check_summary
 

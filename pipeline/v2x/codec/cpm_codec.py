@@ -1,7 +1,7 @@
 """Encoding and decoding of collective perception messages (CPMs, ETSI TS 103 324 v2.1.1) in unaligned PER.
 
-`cpm.asn` has the message's ASN.1, and `cpm_asn1.py` what pycrate compiles of it (`cpm_compile.py`). Each
-container is encoded by itself, as an open type; in the values here it is a tree as all others are.
+`cpm.asn` has the message's ASN.1, which pycrate compiles (`cpm_asn1.py`). Each container is encoded by
+itself, as an open type; in the values here it is a tree as all others are.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any
 
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
+from advpipe.pipeline.v2x.codec.cpm_asn1 import cpm_types
 from advpipe.pipeline.v2x.codec.message_codec import (
     PYCRATE_LOCK,
     MessageCodec,
@@ -57,9 +58,7 @@ class CpmCodec(MessageCodec):
 
 def asn1_part(name: str) -> Any:
     """pycrate's object for an ASN.1 type of the CPM."""
-    from advpipe.pipeline.v2x.codec import cpm_asn1  # 0.05 s
-
-    return getattr(cpm_asn1.AdvpipeCollectivePerception, name)
+    return getattr(cpm_types(), name)
 
 
 def _asn1() -> Any:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.local_processes import results_ahead, usable_cores
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
@@ -97,7 +98,8 @@ class TrafficAhead(TrafficSource):
         raise KeyError(name)  # no vehicle carries sensors
 
     def push(self, users: Iterable[RoadUser], upcoming: Iterable[RoadUser] = ()) -> None:
-        raise NotImplementedError("traffic that is simulated ahead cannot react")
+        if any(True for _ in users):
+            raise AdvpipeError("a drive of messages alone takes no external vehicles: nothing reacts to them")
 
 
 def _frames(

@@ -19,8 +19,8 @@ from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.scene import Float32, Returns, Scene
-from advpipe.stages.simulate.world.raycast.sight import Sight
 from advpipe.stages.simulate.world.raycast.sun_beams import SunBeams
+from advpipe.stages.simulate.world.raycast.visible_hits import VisibleHits
 from advpipe.stages.simulate.world.raycast.windows import SortedRays
 
 
@@ -42,7 +42,7 @@ class CandidateSights:
 
     rays: npt.NDArray[np.int64]
     users: npt.NDArray[np.int64]
-    sight: Sight
+    sight: VisibleHits
 
 
 class InstancedBodies:

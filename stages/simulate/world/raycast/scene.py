@@ -16,7 +16,7 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TRANSMITTANCE,
 )
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
-from advpipe.stages.simulate.world.raycast.sight import Glimpses, Sight
+from advpipe.stages.simulate.world.raycast.visible_hits import PaneCrossings, VisibleHits
 
 Float32 = npt.NDArray[np.float32]
 
@@ -168,7 +168,7 @@ class Scene:
         cos: Float32 = np.abs(np.einsum("ij,ij->i", result["primitive_normals"].numpy(), rays[:, 3:]))
         return range_m, np.minimum(cos, np.float32(1)), self._materials[triangles]
 
-    def sight(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> Sight:
+    def sight(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> VisibleHits:
         """Cast rays (R, 6) of visible light, each into its own part (R,) if given.
 
         They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque.
@@ -190,7 +190,7 @@ class Scene:
         if not passed:
             passed = [(through, range_m[:0], range_m[:0], normals[:0])]
         columns = (np.concatenate(column) for column in zip(*passed, strict=True))
-        return Sight(range_m, normals, triangles, Glimpses(*columns))
+        return VisibleHits(range_m, normals, triangles, PaneCrossings(*columns))
 
     def materials_of(self, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
         """The materials (N,) of triangles (N,)."""

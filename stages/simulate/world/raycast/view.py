@@ -22,8 +22,8 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TEXTURE,
 )
 from advpipe.stages.simulate.world.raycast.scene import Scene
-from advpipe.stages.simulate.world.raycast.sight import Sight
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
+from advpipe.stages.simulate.world.raycast.visible_hits import VisibleHits
 
 Float32 = npt.NDArray[np.float32]
 
@@ -143,7 +143,7 @@ def _moved(map_SE3_base: Float64, offset_m: Float64) -> Float64:
     return moved
 
 
-def _first(static: Sight, seen: CandidateSights, alone: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _first(static: VisibleHits, seen: CandidateSights, alone: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """The candidates that are the nearest surface of their ray, one a ray."""
     rays, range_m = seen.rays[alone], seen.sight.range_m[alone]
     nearer = range_m < static.range_m[rays]
@@ -176,7 +176,7 @@ def _turned(rotations: Float32, vectors: Float32) -> Float32:
     return turned
 
 
-def _panes(static: Sight, seen: CandidateSights, rotations: Float32) -> PaneViews:
+def _panes(static: VisibleHits, seen: CandidateSights, rotations: Float32) -> PaneViews:
     """The panes before the surfaces that rays see; `static` has the range of the nearest one."""
     moving = seen.sight.panes
     rays = np.concatenate([static.panes.rays, seen.rays[moving.rays]])

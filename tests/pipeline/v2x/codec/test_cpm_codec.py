@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
 
-from advpipe.pipeline.v2x.codec import cpm_asn1 as compiled
+from advpipe.pipeline.v2x.codec.cpm_asn1 import asn1_text
 from advpipe.pipeline.v2x.codec.cpm_codec import CONTAINERS, CPM_CODEC, OBJECTS, CpmError, asn1_part
-from advpipe.pipeline.v2x.codec.cpm_compile import asn1_text, compiled_source
 from advpipe.pipeline.v2x.codec.uper import Uper
 from tests.pipeline.v2x.codec.random_values import as_asn1tools_takes_it, random_value
 
@@ -96,7 +94,3 @@ def test_other_messages_and_values_out_of_range_are_refused() -> None:
     tree["payload"]["cpmContainers"] = [{"containerId": 1, "containerData": {"orientationAngle": 7}}]
     with pytest.raises(CpmError, match="OriginatingVehicleContainer"):
         CPM_CODEC.encode(tree)
-
-
-def test_the_compiled_module_is_what_pycrate_makes_of_the_asn1() -> None:
-    assert Path(compiled.__file__).read_text(encoding="utf-8") == compiled_source()

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.bodies import Variant
+from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.run import simulate
 from advpipe.stages.simulate.traffic import ahead
+from advpipe.stages.simulate.traffic.registry import open_traffic
+from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 ALONE = ("vehicles={}", "simulation.duration_s=1", "v2x.penetration=1")
 
@@ -43,3 +48,14 @@ def test_a_mistake_in_the_scenario_is_found_before_the_process_starts(
     monkeypatch.setattr("advpipe.stages.simulate.traffic.registry.pays_ahead", lambda _: True)
     with pytest.raises(UsageError, match=r"missing\.rou\.xml"):
         simulate(load_scenario("smoke", [*ALONE, "traffic.routes=missing.rou.xml"]), tmp_path / "drive")
+
+
+def test_external_vehicles_are_refused_since_nothing_reacts_to_them(
+    tmp_path: Path, variants: dict[str, Variant], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("advpipe.stages.simulate.traffic.registry.pays_ahead", lambda _: True)
+    scenario = load_scenario("smoke", ALONE)
+    traffic = open_traffic(scenario, load_network(scenario.map, tmp_path), variants, tmp_path)
+    traffic.push([])
+    with pytest.raises(AdvpipeError, match="takes no external vehicles"):
+        traffic.push([RoadUser("wall", variants["sedan.0"], np.eye(4), np.zeros(3))])

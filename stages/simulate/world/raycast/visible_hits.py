@@ -11,7 +11,7 @@ Float32 = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Glimpses:
+class PaneCrossings:
     """E passages of rays through panes. rays: (E,) int64. range_m, transmittance: (E,) float32, one-way.
     normals: (E, 3) float32, of either side."""
 
@@ -22,7 +22,7 @@ class Glimpses:
 
 
 @dataclass(frozen=True)
-class Sight:
+class VisibleHits:
     """The first opaque triangle that each of R rays meets, and the panes before it.
 
     range_m: (R,) float32, infinite for none. normals: (R, 3) float32, of either side. triangles:
@@ -32,4 +32,4 @@ class Sight:
     range_m: Float32
     normals: Float32
     triangles: npt.NDArray[np.int32]
-    panes: Glimpses
+    panes: PaneCrossings
