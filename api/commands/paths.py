@@ -7,6 +7,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.locate import CLEAN_NAME, newest_dataset, resolve_bag
 from advpipe.pipeline.core.errors import OutputExistsError
+from advpipe.pipeline.core.remote_path import RemotePath, refuse_remote
 from advpipe.pipeline.process.folder import working_path
 
 PathLike = str | os.PathLike[str]
@@ -26,10 +27,12 @@ def bag_or_newest(bag: PathLike | None) -> Path:
 
 def default_output(clean: Path, name: str, folder: str = "") -> Path:
     """Where what is made from a bag lies if the user names no output: in the bag's data set, or its `folder`,
-    under this name; beside a bag that belongs to no data set, under the bag's name and this one."""
+    under this name; beside a bag that belongs to no data set, under the bag's name and this one. What is made
+    from a bag in an object store lies in the data set of the same name under `datasets`."""
     if clean.name != CLEAN_NAME:
         name = f"{clean.name if clean.is_dir() else clean.stem}-{name}"
-    return clean.parent / folder / name
+    beside = working_path(DATA_SETS) / clean.parent.name if isinstance(clean, RemotePath) else clean.parent
+    return beside / folder / name
 
 
 def refuse_existing(out: Path, overwrite: bool) -> None:
@@ -37,5 +40,6 @@ def refuse_existing(out: Path, overwrite: bool) -> None:
 
     The stages check the same, but after loading their libraries.
     """
+    refuse_remote(out, "name a folder of this machine with --out")
     if out.exists() and not overwrite:
         raise OutputExistsError(out)

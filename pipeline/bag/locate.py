@@ -7,6 +7,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.files import METADATA_NAME
 from advpipe.pipeline.bag.foreign import refuse_foreign
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.remote_path import located
 
 CLEAN_NAME = "clean"
 
@@ -18,7 +19,7 @@ def bag_named(path: Path) -> Path:
 
 def resolve_bag(path: Path) -> Path:
     """The bag that a path names: a data set's clean bag, a rosbag2 directory or an .mcap file itself."""
-    path = bag_named(Path(path))
+    path = bag_named(located(path))
     if _is_dataset(path):
         return path / CLEAN_NAME
     if (path / METADATA_NAME).is_file():

@@ -16,6 +16,7 @@ from advpipe.pipeline.bag.provenance import RECORD_NAME, checked_provenance
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError, one_line
 from advpipe.pipeline.core.nearest import known_names
+from advpipe.pipeline.core.remote_path import located
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.mcap.channel import RawMessage, TopicInfo
 from advpipe.pipeline.mcap.reader import McapFile, in_time_order
@@ -41,7 +42,7 @@ class BagReader:
     """
 
     def __init__(self, path: Path, *, debug: bool = False) -> None:
-        self.path, self._debug = Path(path), debug
+        self.path, self._debug = located(path), debug
         self._files = [McapFile(file) for file in mcap_files(self.path)]
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
         self._times_ns: dict[str, npt.NDArray[np.int64]] = {}

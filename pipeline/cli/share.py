@@ -17,7 +17,7 @@ def share_command(
     dataset: Annotated[Path, typer.Argument(help="Data set folder.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to make, or NAME.tar.", show_default="shared/<name>"),
+        typer.Option("--out", "-o", help="Folder to make, also s3://BUCKET/FOLDER, or NAME.tar.", show_default="shared/<name>"),
     ] = None,
     split_mb: Annotated[
         int | None, typer.Option("--split-mb", help="Parts of an archive: NAME.tar.000 and so on.", min=1)
@@ -39,6 +39,7 @@ def share_command(
     Card, pictures, layouts for Foxglove and RViz, contracts for checkers, checksums, provenance, signature.
     """
     from advpipe.pipeline.core.errors import as_usage_error
+    from advpipe.pipeline.core.remote_path import RemotePath
     from advpipe.pipeline.core.verbosity import notice
     from advpipe.pipeline.process.folder import working_path
     from advpipe.stages.share.options import citation_text
@@ -57,4 +58,5 @@ def share_command(
             print(path)
         print(f"{counted(summary.files, 'file')}, {summary.bytes / 1e6:.1f} MB")
 
-    return Answer(vars(summary), show, next_commands=[typed("verify", summary.made[0])])
+    then = "inspect" if isinstance(summary.made[0], RemotePath) else "verify"
+    return Answer(vars(summary), show, next_commands=[typed(then, summary.made[0])])

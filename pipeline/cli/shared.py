@@ -107,10 +107,10 @@ def answering(command: Callable[..., Answer]) -> Callable[..., None]:
         from advpipe.pipeline.core.option_names import use_flags
         from advpipe.pipeline.core.streams import safe_streams
         from advpipe.pipeline.core.verbosity import Verbosity, phase, use_verbosity
-        from advpipe.pipeline.process.folder import check_paths
+        from advpipe.pipeline.process.folder import usable
 
         with use_flags(), safe_streams(), use_verbosity(Verbosity(quiet, verbose, as_json)):
-            check_paths([*args, *options.values()])
+            args, options = usable([*args]), {name: usable(value) for name, value in options.items()}
             if verbose:
                 _print_versions()
             with phase("in all"):

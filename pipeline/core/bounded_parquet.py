@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.parquet_pages import ENCODINGS, Chunk, Page, column_chunks, pages
+from advpipe.pipeline.core.remote_path import RemotePath
 
 ColumnType = Literal["whole", "truth", "text"]
 COLUMN_TYPES: dict[ColumnType, str] = {
@@ -141,7 +142,7 @@ def _file(path: Path) -> Any:
     """The file for pyarrow, which takes names that are not UTF-8 only as bytes."""
     import pyarrow as pa
 
-    return pa.OSFile(os.fsencode(path))
+    return path.open("rb") if isinstance(path, RemotePath) else pa.OSFile(os.fsencode(path))
 
 
 def _check(path: Path, table: Any, names: Sequence[str], most_rows: int | None) -> None:

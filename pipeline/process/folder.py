@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.remote_path import located
 
 _is_deleted = False
 
@@ -32,12 +33,11 @@ def working_path(path: str | Path) -> Path:
     return Path(path)
 
 
-def check_paths(values: Iterable[object]) -> None:
-    """Apply `working_path` to all paths among the values of options and in lists of values."""
-    for value in values:
-        for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, Path):
-                working_path(one)
+def usable(value: Any) -> Any:
+    """The value of an option, or a list of values; paths are as `working_path` and `located` have them."""
+    if isinstance(value, list):
+        return [usable(one) for one in value]
+    return located(working_path(value)) if isinstance(value, Path) else value
 
 
 def refuse_undecodable(*paths: Path | None) -> None:

@@ -12,11 +12,13 @@ from advpipe.pipeline.bag.recorded_source import read_source
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.progress import plan_progress, track, working_on
+from advpipe.pipeline.core.remote_path import RemotePath, located, refuse_remote
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing_archive
 from advpipe.pipeline.dataset.lay_out import refuse_folder, write_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
+from advpipe.pipeline.dataset.upload import upload
 from advpipe.stages.share import names
 from advpipe.stages.share.additions import write_additions
 from advpipe.stages.share.chain import check_chain
@@ -44,7 +46,8 @@ class ShareSummary:
 
 
 def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> ShareSummary:
-    """Make a folder, or for a name in .tar an archive, with a data set and its documentation.
+    """Make a folder, here or in an object store, or for a name in .tar an archive, with a data set and its
+    documentation.
 
     To the unchanged bags, reports and scenario, it adds a card (README.md), pictures, layouts for Foxglove
     and RViz, specifications for bag checkers, and SHA256SUMS, signed if `options.sign` names a key. The data
@@ -53,6 +56,8 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
     Raises AdvpipeError for an invalid data set, one that a run is writing to, an adversarial bag with another
     parent, a damaged bag, an unusable key, and an existing output.
     """
+    refuse_remote(dataset, "copy the data set to this machine")
+    out = located(out)
     found = read_layout(dataset)
     found.refuse_running()
     _refuse_outputs(found, out, options)
@@ -81,6 +86,9 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
         with working_on("writing"):
             if _is_archive(out):
                 outputs = tuple(pack(files, out, options.split_size_bytes, overwrite=options.overwrite))
+            elif isinstance(out, RemotePath):
+                upload(files, out, overwrite=options.overwrite)
+                outputs = (out,)
             else:
                 write_folder(files, out, overwrite=options.overwrite)
                 outputs = (out,)
@@ -114,7 +122,10 @@ def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
             f"{str(out)!r}: a name with characters that not every system supports; choose another"
         )
     if _is_archive(out):
+        refuse_remote(out, "leave out .tar to upload a folder")
         refuse_existing_archive(out, options.overwrite)
+    elif isinstance(out, RemotePath):
+        pass  # `upload` refuses one that is whole
     elif out.exists():
         refuse_folder(out, overwrite=options.overwrite)
     for name in names.FOLDERS:

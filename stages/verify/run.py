@@ -9,6 +9,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.locate import bag_named
 from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.core.progress import plan_progress, track
+from advpipe.pipeline.core.remote_path import refuse_remote
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import archive
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
@@ -36,6 +37,7 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
         from advpipe.pipeline.dataset.signature import load_public_key
 
         load_public_key(key)
+    refuse_remote(path, "copy it to this machine, such as with `aws s3 sync`, and verify the copy")
     path = bag_named(Path(path))
     result = Verification(str(path), QUICK if quick else tuple(CHECKS))
     with _opened(path, result) as subject:

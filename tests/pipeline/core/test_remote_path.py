@@ -1,0 +1,138 @@
+"""Bags in an object store: read in place, and uploaded by `share`. The store is moto's server."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pyarrow.fs import S3FileSystem
+
+from advpipe.pipeline.bag.locate import adversarial_bags, resolve_bag
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import OutputExistsError, UsageError
+from advpipe.pipeline.core.remote_path import RemotePath, located, store_of
+from advpipe.pipeline.dataset.upload import upload
+from advpipe.stages.share.run import share
+from advpipe.stages.verify.run import verify
+
+if os.environ.get("CI"):
+    pass
+else:
+    pytest.importorskip("moto.server")
+
+
+@pytest.fixture(scope="module")
+def bucket() -> Iterator[str]:
+    """The name of an empty bucket."""
+    import moto.server
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    server = moto.server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    keys = {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "key",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_EC2_METADATA_DISABLED": "true",
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        for key, value in keys.items():
+            patch.setenv(key, value)
+        store_of.cache_clear()
+        maker = S3FileSystem(endpoint_override=keys["AWS_ENDPOINT_URL"], allow_bucket_creation=True)
+        maker.create_dir("drives")
+        yield "drives"
+    store_of.cache_clear()
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped drive with a forged GPS."""
+    from advpipe.pipeline.dataset.sample import copy_sample
+    from advpipe.pipeline.scenario.attacks import attack_spec
+    from advpipe.stages.attack.request import AttackRequest
+    from advpipe.stages.attack.run import attack
+
+    folder = copy_sample(tmp_path_factory.mktemp("drives") / "sample").parent
+    request = AttackRequest((attack_spec({"type": "gnss-jump"}),), seed=1)
+    attack(folder / "clean", folder / "jump", request)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def uploaded(bucket: str, dataset: Path) -> Path:
+    target = Path(f"s3://{bucket}/drive")
+    summary = share(dataset, target)
+    assert summary.made == (located(target),)
+    return target
+
+
+def raw(bag: Path) -> list[tuple[str, int, bytes]]:
+    return [(one.topic.name, one.log_time_ns, bytes(one.cdr)) for one in BagReader(bag).raw_messages()]
+
+
+def test_a_shared_drive_is_read_where_it_lies(dataset: Path, uploaded: Path) -> None:
+    bag = resolve_bag(uploaded)
+    assert str(bag) == "s3://drives/drive/clean"
+    assert raw(bag) == raw(dataset / "clean")
+    (jump,) = adversarial_bags(bag.parent)
+    assert jump.name == "jump"
+    assert raw(jump) == raw(dataset / "jump")
+
+
+def test_an_upload_is_a_data_set_that_verify_finds_good(uploaded: Path, tmp_path: Path) -> None:
+    remote = located(uploaded)
+    assert isinstance(remote, RemotePath)
+    for name in remote._names(recursive=True):
+        path = remote.joinpath(*name.split("/")[len(remote.parts) - 1 :])
+        if path.is_file():
+            copied = tmp_path.joinpath(*path.parts[3:])
+            copied.parent.mkdir(parents=True, exist_ok=True)
+            copied.write_bytes(path.read_bytes())
+    assert verify(tmp_path).is_good
+
+
+def test_an_upload_replaces_another_only_if_told(dataset: Path, uploaded: Path) -> None:
+    remote = located(uploaded)
+    assert isinstance(remote, RemotePath)
+    files = {"SHA256SUMS": dataset / "SHA256SUMS"}
+    with pytest.raises(OutputExistsError, match="s3://drives/drive"):
+        upload(files, remote)
+
+
+def test_paths_are_those_of_pathlib(uploaded: Path) -> None:
+    bag = resolve_bag(uploaded)
+    assert bag.parent / "clean" == bag
+    assert bag.name == "clean"
+    assert pickle.loads(pickle.dumps(bag)) == bag
+    assert isinstance(bag / "metadata.yaml", RemotePath)
+    assert (bag / "metadata.yaml").read_text(encoding="utf-8").startswith("rosbag2_bagfile_information")
+    assert (bag / "metadata.yaml").stat().st_size == len((bag / "metadata.yaml").read_bytes())
+    assert sorted(path.name for path in bag.glob("*.mcap")) == ["clean_0.mcap"]
+    assert [path.name for path in bag.parent.glob("*/*.mcap")] == ["clean_0.mcap", "jump_0.mcap"]
+
+
+def test_nothing_is_written_beside_it(uploaded: Path) -> None:
+    with pytest.raises(OSError, match="only read here"):
+        (resolve_bag(uploaded) / "new").mkdir()
+    with pytest.raises(OSError, match="only read here"):
+        (resolve_bag(uploaded) / "new").open("wb")
+
+
+@pytest.mark.parametrize("name", ["s3://drives/nothing", "s3://elsewhere/drive"])
+def test_what_is_not_there_is_one_line(bucket: str, name: str) -> None:
+    with pytest.raises(UsageError, match=f"{name} does not exist"):
+        resolve_bag(Path(name))
+
+
+def test_verify_and_share_ask_for_a_copy(uploaded: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="aws s3 sync"):
+        verify(uploaded)
+    with pytest.raises(UsageError, match="copy the data set to this machine"):
+        share(uploaded, tmp_path / "shared")
