@@ -17,7 +17,12 @@ def share_command(
     dataset: Annotated[Path, typer.Argument(help="Data set folder.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder to make, also s3://BUCKET/FOLDER, or NAME.tar.", show_default="shared/<name>"),
+        typer.Option(
+            "--out",
+            "-o",
+            help="Folder to make, or NAME.tar, or s3://BUCKET/FOLDER.",
+            show_default="shared/<name>",
+        ),
     ] = None,
     split_mb: Annotated[
         int | None, typer.Option("--split-mb", help="Parts of an archive: NAME.tar.000 and so on.", min=1)
