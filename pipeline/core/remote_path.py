@@ -47,7 +47,9 @@ class RemotePath(PosixPath):
     """
 
     def __str__(self) -> str:
-        return f"{SCHEME}//" + "/".join(self.parts[1:])
+        parts = self.parts
+        is_whole = parts[:1] == (SCHEME,)  # what `relative_to` returns is not
+        return f"{SCHEME}//" + "/".join(parts[1:]) if is_whole else "/".join(parts) or "."
 
     def __fspath__(self) -> str:
         return str(self)
