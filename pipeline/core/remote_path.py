@@ -148,7 +148,7 @@ class RemotePath(PosixPath):
     def mkdir(self, *_: Any, **__: Any) -> NoReturn:
         _refuse(self)
 
-    rename = replace = unlink = rmdir = touch = symlink_to = hardlink_to = chmod = mkdir  # type: ignore[assignment]
+    rename = replace = unlink = rmdir = touch = symlink_to = hardlink_to = chmod = mkdir
 
 
 def _refuse(path: Path) -> NoReturn:
