@@ -27,6 +27,10 @@ MAX_SPREAD = 0.25
 """Of the spacing of rings, or of columns: with a larger spread, they are unknown."""
 
 
+NEAR_COLUMNS = 0.01
+"""By what share the median step between points may misjudge the number of columns."""
+
+
 @dataclass(frozen=True)
 class Directions:
     """The directions of points (N,) from the sensor. azimuth_rad: in [-pi, pi]. range_m: NaN where a point
@@ -81,10 +85,10 @@ class SensorGeometry:
         azimuths = [Directions.of(each[each["ring"] == fullest]).azimuth_rad for each in clean]
         steps_rad = np.concatenate([np.diff(np.sort(each)) for each in azimuths])
         columns = max(1, round(2 * np.pi / max(float(np.median(steps_rad)), 1e-5)))
-        place = way.azimuth_rad * (columns / (2 * np.pi))
-        phase = float(np.angle(np.exp(2j * np.pi * place).mean()) / (2 * np.pi)) % 1.0
-        off_columns = np.abs(place - phase - np.rint(place - phase))
-        typical = float(np.quantile(off_columns, TYPICAL))
+        phase, typical = _phase(way.azimuth_rad, columns)
+        if typical >= MAX_SPREAD:  # rounded coordinates blur the steps
+            columns = _sharpest(np.concatenate(azimuths), columns)
+            phase, typical = _phase(way.azimuth_rad, columns)
         return cls(
             elevations,
             max(MIN_TOLERANCE_RAD, 2 * float(np.quantile(off_rad, TYPICAL))),
@@ -127,3 +131,17 @@ class SensorGeometry:
         return np.column_stack(
             [flat * np.cos(azimuth_rad), flat * np.sin(azimuth_rad), np.sin(elevation_rad)]
         )
+
+
+def _phase(azimuth_rad: Float64, columns: int) -> tuple[float, float]:
+    """The phase of azimuths (N,), and how far, in columns, most of them lie from the middle of one."""
+    place = azimuth_rad * (columns / (2 * np.pi))
+    phase = float(np.angle(np.exp(2j * np.pi * place).mean()) / (2 * np.pi)) % 1.0
+    off_columns = np.abs(place - phase - np.rint(place - phase))
+    return phase, float(np.quantile(off_columns, TYPICAL))
+
+
+def _sharpest(azimuth_rad: Float64, columns: int) -> int:
+    """The number of columns near a first estimate on which azimuths (N,) lie best."""
+    near = range(max(1, round(columns * (1 - NEAR_COLUMNS))), round(columns * (1 + NEAR_COLUMNS)) + 1)
+    return max(near, key=lambda count: abs(np.exp(1j * count * azimuth_rad).mean()))

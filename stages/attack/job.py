@@ -27,7 +27,12 @@ class Job:
         """The result of a frame; None while it is not done."""
         try:
             with np.load(self._file(index), allow_pickle=False) as stored:
-                labels = PointLabels(stored["point"], stored["action"], stored["displacement_m"])
+                labels = PointLabels(
+                    stored["point"],
+                    stored["action"],
+                    stored["displacement_m"],
+                    stored["attacked"] if "attacked" in stored else None,
+                )
                 before, after = (float(loss) for loss in stored["loss"])
                 return LidarResult(stored["cloud"], labels, before, after, str(stored["note"]))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
@@ -53,6 +58,7 @@ class Job:
                     point=labels.point,
                     action=labels.action,
                     displacement_m=labels.displacement_m,
+                    **({} if labels.attacked is None else {"attacked": labels.attacked}),
                     loss=np.array([result.loss_before, result.loss_after]),
                     note=np.array(result.note),
                 )
