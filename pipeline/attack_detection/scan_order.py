@@ -17,6 +17,10 @@ MOST_BREAKS = 0.002
 """The share of steps against the order, at most: points on moving objects leave their column a little."""
 
 
+STILL = 0.8
+"""The share of points, at least, that do not move: those on moving objects may be anywhere beside their ray."""
+
+
 @dataclass(frozen=True)
 class ScanOrder:
     """The order of a clean cloud (N,): column by column or ring by ring, as `keys` counts them.
@@ -36,11 +40,11 @@ class ScanOrder:
     @classmethod
     def learnt(cls, cloud: Cloud, sensor: SensorGeometry) -> ScanOrder | None:
         """From a clean cloud; None if its points have neither order."""
-        ring, column = sensor.cells(cloud)
-        seen = np.flatnonzero(ring >= 0)
+        near, column = sensor.cells(cloud)
+        seen = np.flatnonzero(near >= 0)
         if len(seen) < 2:
             return None
-        ring, column = ring[seen], column[seen]
+        ring, column = cloud["ring"][seen].astype(np.int64), column[seen]
         step = _wrapped(np.diff(column), sensor.columns)
         turn = 1 if step.sum() >= 0 else -1
         same = step == 0
@@ -68,15 +72,21 @@ class ScanOrder:
     def own_place(self, seen: Int64, column: Int64) -> Int64:
         """The same of points of the clean cloud, by index (K,), and the columns in which they appear.
 
-        Points of one instant left in one column, also those on moving objects, which stand beside it.
+        Points of one instant left in one column, also those on moving objects, which stand beside it; a LiDAR
+        that turns evenly has its columns at even times.
         """
         time, place = self.cloud["time"][seen], self.place(column)
         if len(seen) < 2 or not (np.diff(time) >= 0).all() or time[0] == time[-1]:
             return place
         starts = np.flatnonzero(np.append(True, np.diff(time) > 0))
         ends = np.append(starts[1:], len(seen))
-        middle = [np.median(place[start:end]) for start, end in zip(starts, ends, strict=True)]
-        return np.repeat(np.array(middle).astype(np.int64), ends - starts)
+        middle = np.array([np.median(place[start:end]) for start, end in zip(starts, ends, strict=True)])
+        at_s, half = time[starts].astype(np.float64), len(starts) // 2
+        slope = np.median((middle[half:] - middle[: len(middle) - half]) / (at_s[half:] - at_s[: len(at_s) - half]))
+        line = slope * at_s + np.median(middle - slope * at_s)
+        if (np.abs(middle - line) < 0.5).mean() >= STILL:
+            middle = np.rint(line)
+        return np.repeat(middle.astype(np.int64), ends - starts)
 
     def key(self, ring: Int64, place: Int64) -> Int64:
         """The place (K,) of rays in the turn, empty ones counted; the rings are those of `SensorGeometry`."""
@@ -90,8 +100,8 @@ class ScanOrder:
         time = self.cloud["time"]
         if not len(time) or (time == time[0]).all():
             return np.full(len(ring), time[0] if len(time) else 0, np.float32)
-        own_ring, own_column = self.sensor.cells(self.cloud)
-        seen = np.flatnonzero((own_ring >= 0) & np.isfinite(time))
+        near, own_column = self.sensor.cells(self.cloud)
+        seen, own_ring = np.flatnonzero((near >= 0) & np.isfinite(time)), self.cloud["ring"]
         place, wanted = self.own_place(seen, own_column[seen]), self.place(column)
         own_s, group = time[seen], np.zeros(len(seen), np.int64)
         lowest, highest = np.full(self.sensor.columns, np.inf), np.full(self.sensor.columns, -np.inf)
@@ -100,7 +110,7 @@ class ScanOrder:
         filled = np.isfinite(lowest)
         asked = np.zeros(len(ring), np.int64)
         if (lowest[filled] != highest[filled]).mean() > MOST_BREAKS:
-            group, asked = own_ring[seen], ring
+            group, asked = own_ring[seen].astype(np.int64), ring
         found = np.zeros(len(ring), np.float32)
         for one in np.unique(asked):
             mine, theirs = group == one, asked == one
@@ -109,6 +119,12 @@ class ScanOrder:
             known, where = np.unique(place[mine], return_index=True)
             found[theirs] = np.interp(wanted[theirs], known, own_s[mine][where].astype(np.float64))
         return found
+
+
+def scan_order_of(cloud: Cloud) -> ScanOrder | None:
+    """The order of a clean cloud; None where it tells none."""
+    sensor = SensorGeometry.learnt([cloud], STILL) if len(cloud) else None
+    return None if sensor is None else ScanOrder.learnt(cloud, sensor)
 
 
 def as_measured(cloud: Cloud, added: Cloud, order: ScanOrder | None) -> Cloud:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.attack_detection.coordinate_grid import CoordinateGrid
-from advpipe.pipeline.attack_detection.scan_order import ScanOrder
+from advpipe.pipeline.attack_detection.scan_order import STILL, ScanOrder
 from advpipe.pipeline.attack_detection.sensor_geometry import Directions, SensorGeometry
 from advpipe.pipeline.audit.probe import Float64
 from advpipe.pipeline.messages.cloud import Cloud, xyz
@@ -31,7 +31,7 @@ class LidarHabits:
     def seen_in(cls, clouds: Sequence[Cloud]) -> LidarHabits:
         """Those of some clouds of a bag."""
         filled = [cloud for cloud in clouds if len(cloud)]
-        sensor = SensorGeometry.learnt(filled) if filled else None
+        sensor = SensorGeometry.learnt(filled, STILL) if filled else None
         turn = None if sensor is None else _turn(filled, sensor)
         return cls(sensor, turn, CoordinateGrid.learnt(np.concatenate(filled)) if filled else None)
 

@@ -35,7 +35,7 @@ from advpipe.pipeline.adversary.random_best import (
 from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import look
 from advpipe.pipeline.attack_detection.coordinate_grid import on_grid_of
-from advpipe.pipeline.attack_detection.scan_order import as_measured
+from advpipe.pipeline.attack_detection.scan_order import as_measured, scan_order_of
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -64,7 +64,6 @@ from advpipe.stages.attack.lidar.base import (
 )
 from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
 from advpipe.stages.attack.lidar.robust_attach import RobustAttachProblem
-from advpipe.stages.attack.lidar.scan_placement import scan_order_of
 from advpipe.stages.attack.lidar.stealthy import (
     NO_RINGS,
     StealthyAttachProblem,

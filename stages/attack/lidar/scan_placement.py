@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from advpipe.pipeline.attack_detection.scan_order import ScanOrder, places_in_scan, scan_keys
-from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
+from advpipe.pipeline.attack_detection.scan_order import places_in_scan, scan_keys, scan_order_of
 from advpipe.pipeline.labels.points import ADDED, REMOVED
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.stages.attack.lidar.base import LidarResult
@@ -31,9 +30,3 @@ def in_scan_order(clean: Cloud, result: LidarResult) -> LidarResult:
     attacked[np.flatnonzero(is_added)[row]] = before[row] + np.arange(count)
     cloud = np.insert(kept, before[row], added[row])
     return replace(result, cloud=cloud, labels=replace(result.labels, attacked=attacked))
-
-
-def scan_order_of(cloud: Cloud) -> ScanOrder | None:
-    """The order of a clean cloud; None where it tells none."""
-    sensor = SensorGeometry.learnt([cloud])
-    return None if sensor is None else ScanOrder.learnt(cloud, sensor)
