@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +29,16 @@ from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.labels.points import ADDED, REMOVED, PointLabels
+from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.radar import SCAN_TYPE, scan_from_cdr
 from advpipe.pipeline.v2x.message_type import DENM, MESSAGE_TYPES
 
 MOST_POINTS = 2000
 """Touched and untouched points, each, that are drawn from one cloud."""
+
+CLUSTER_NS = 1_000_000_000
+"""Units of one second count as one cluster of a drive; messages of one station do."""
 
 HABIT_CLOUDS = 2
 """Clouds of a bag from which the sensor's rays, order and grid are learnt."""
@@ -64,12 +69,21 @@ def _parts(reader: BagReader, touched: TouchedUnits, most: int) -> Iterator[Unit
     if FrameSlice.parse(reader.provenance.fields.frames or "::") != ALL_FRAMES:
         return  # who leaves frames out has other chunks
     chunks = ChunkView.of(mcap_files(reader.path))
-    starts_s = chunks.each("message_start_time") / 1e9
-    yield measured("chunk", CHUNK_PROBES, chunks, starts_s, np.full(len(starts_s), reader.provenance.is_attack))
+    starts_ns = chunks.each("message_start_time").astype(np.int64)
+    is_attacked = np.full(len(starts_ns), reader.provenance.is_attack)
+    yield measured("chunk", CHUNK_PROBES, chunks, starts_ns // CLUSTER_NS, is_attacked)
 
 
 def _every(count: int, most: int) -> int:
     return max(1, -(-count // most))
+
+
+def _each(reader: BagReader, topic: str, every: int) -> Iterator[tuple[int, RawMessage]]:
+    """Every such message of a topic with its number; chunks in between are not unpacked."""
+    times_ns = reader.log_times_ns(topic)
+    for number in range(0, len(times_ns), every):
+        time_ns = int(times_ns[number])
+        yield number, next(iter(reader.raw_messages([topic], time_ns, time_ns)))
 
 
 def _clouds(reader: BagReader, topic: str, most: int) -> Iterator[Units]:
@@ -77,18 +91,16 @@ def _clouds(reader: BagReader, topic: str, most: int) -> Iterator[Units]:
     first = [reader.cloud(raw).cloud for raw in islice(reader.raw_messages([topic]), HABIT_CLOUDS)]
     habits = LidarHabits.seen_in(first)
     times_ns = reader.log_times_ns(topic)
-    labelled = touched_clouds(reader.path, topic)
-    for number, raw in enumerate(reader.raw_messages([topic])):
+    labelled = islice(touched_clouds(reader.path, topic), 0, None, every)
+    for number, raw in _each(reader, topic, every):
         stamp_ns, labels = next(labelled, (None, None))
-        if number % every:
-            continue
         scan = reader.cloud(raw)
         previous_ns = int(times_ns[number - 1]) if number else None
         view = CloudView(scan.cloud, habits, len(raw.cdr), scan.stamp_ns, raw.log_time_ns, previous_ns)
         if labels is not None and stamp_ns != scan.stamp_ns:
             raise AdvpipeError(f"{reader.path}: {FRAMES} does not describe the clouds of {topic}")
-        time_s = np.array([raw.log_time_ns / 1e9])
-        yield measured("cloud", CLOUD_PROBES, view, time_s, np.array([labels is not None]))
+        cluster = np.array([raw.log_time_ns // CLUSTER_NS])
+        yield measured("cloud", CLOUD_PROBES, view, cluster, np.array([labels is not None]))
         if labels is not None:
             yield _points(view, labels, number)
 
@@ -102,8 +114,8 @@ def _points(view: CloudView, labels: PointLabels, number: int) -> Units:
     chosen = np.zeros(here, bool)
     for which in (is_attacked, ~is_attacked):
         chosen[rng.permutation(np.flatnonzero(which))[:MOST_POINTS]] = True
-    time_s = np.full(here, view.log_time_ns / 1e9)
-    return measured("point", POINT_PROBES, view, time_s, is_attacked)[chosen]
+    cluster = np.full(here, view.log_time_ns // CLUSTER_NS)
+    return measured("point", POINT_PROBES, view, cluster, is_attacked)[chosen]
 
 
 def _messages(reader: BagReader, vehicle: str, touched: TouchedUnits) -> Iterator[Units]:
@@ -112,39 +124,40 @@ def _messages(reader: BagReader, vehicle: str, touched: TouchedUnits) -> Iterato
         if not receptions:
             continue
         view = MessageView(receptions, has_time=kind is not DENM)
-        time_s = view.arrival_ns / 1e9
         is_attacked = np.array([each.number in touched.messages for each in receptions], bool)
-        yield measured("message", MESSAGE_PROBES, view, time_s, is_attacked)
-        stations = StationView(view)
-        first_s = np.array([time_s[own].min() for own in view.of_station])
+        yield measured("message", MESSAGE_PROBES, view, view.station, is_attacked)
+        ids = np.array([view.station[own[0]] for own in view.of_station])
         is_false = np.array([bool(is_attacked[own].any()) for own in view.of_station])
-        yield measured("station", STATION_PROBES, stations, first_s, is_false)
+        yield measured("station", STATION_PROBES, StationView(view), ids, is_false)
 
 
 def _fixes(reader: BagReader, topic: str, touched: TouchedUnits) -> Iterator[Units]:
-    """Fixes with a position: that a jammed receiver reports none is no clue but the attack."""
-    found = [
-        (raw.log_time_ns, message)
-        for raw in reader.raw_messages([topic])
-        for message in [reader.decode(raw)]
-        if message.status.status >= 0 and np.isfinite(message.latitude + message.longitude)
-    ]
+    """Fixes with a position of their own: to have none, or the last one again, is the attack itself."""
+    found: list[tuple[int, Any]] = []
+    last = (np.nan, np.nan)
+    for raw in reader.raw_messages([topic]):
+        message = reader.decode(raw)
+        here = (message.latitude, message.longitude)
+        if message.status.status >= 0 and np.isfinite(here).all() and here != last:
+            found.append((raw.log_time_ns, message))
+        last = here
     log_ns = np.array([time_ns for time_ns, _ in found], np.int64)
     stamps_ns = np.array([build.stamp_ns(message) for _, message in found], np.int64)
     vehicle = topic.split("/")[1]
     is_attacked = np.array([(vehicle, stamp_ns) in touched.fixes for stamp_ns in stamps_ns.tolist()], bool)
     view = FixView([message for _, message in found], stamps_ns, log_ns)
     if found:
-        yield measured("fix", FIX_PROBES, view, log_ns / 1e9, is_attacked)
+        yield measured("fix", FIX_PROBES, view, log_ns // CLUSTER_NS, is_attacked)
 
 
 def _scans(reader: BagReader, topic: str, touched: TouchedUnits, most: int) -> Iterator[Units]:
     every = _every(reader.topics[topic].count, most)
-    for raw in islice(reader.raw_messages([topic]), 0, None, every):
+    for _, raw in _each(reader, topic, every):
         view = ScanView(scan_from_cdr(raw.cdr), raw.log_time_ns)
         own = touched.returns.get((topic, view.scan.stamp_ns))
-        time_s = raw.log_time_ns / 1e9
-        yield measured("scan", SCAN_PROBES, view, np.array([time_s]), np.array([own is not None]))
+        cluster = raw.log_time_ns // CLUSTER_NS
+        yield measured("scan", SCAN_PROBES, view, np.array([cluster]), np.array([own is not None]))
         if own is not None and len(view.scan.returns):
             is_attacked = np.isin(np.arange(len(view.scan.returns)), own)
-            yield measured("return", RETURN_PROBES, view, np.full(len(is_attacked), time_s), is_attacked)
+            here = np.full(len(is_attacked), cluster)
+            yield measured("return", RETURN_PROBES, view, here, is_attacked)

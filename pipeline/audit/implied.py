@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from advpipe.pipeline.audit.probe import Probe, Unit
 from advpipe.pipeline.bag.provenance_record import RecordedAttack
@@ -24,7 +25,7 @@ _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
 }
 
 
-def implied(probe: Probe[object], attacks: Iterable[RecordedAttack], *, has_debug: bool) -> str:
+def implied(probe: Probe[Any], attacks: Iterable[RecordedAttack], *, has_debug: bool) -> str:
     """Why the attacks of a bag imply that a probe tells their units apart, by what they declare in it; "" if
     they do not. has_debug: whether it has debug topics.
 

@@ -38,7 +38,7 @@ CLOUD_PROBES: tuple[Probe[CloudView], ...] = (
     Probe("compression", "cloud", "compressed share of the bytes", lambda v: _single(v.compressed_share),
           ("max_displacement_m", *_COUNTS)),
     Probe("off-grid", "cloud", "share of points off the grid of coordinates",
-          lambda v: _single(_mean(np.where(np.isnan(v.off_grid_m), np.nan, v.off_grid_m > 0)))),
+          lambda v: _single(_mean(~(v.off_grid_m == 0)))),
     Probe("off-ray", "cloud", "mean angle from the elevation of the stated ring",
           lambda v: _single(_mean(v.off_ray_rad)), _RAYS),
     Probe("shared-rays", "cloud", "share of points on a ray with another point",
@@ -76,8 +76,8 @@ POINT_PROBES: tuple[Probe[CloudView], ...] = (
           _INTENSITIES),
     Probe("equal-direction", "point", "points in exactly its direction",
           lambda v: v.same_place.astype(np.float64), ("max_off_ray_urad",)),
-    Probe("voxel-face", "point", "nearness to a face of usual voxels",
-          lambda v: -v.face_distance_m, ("max_off_ray_urad", "points_added")),
+    Probe("voxel-face", "point", "distance to a face of usual voxels",
+          lambda v: v.face_distance_m, ("max_off_ray_urad", "points_added")),
 )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ class Probe(Generic[V]):
     """A number of each unit.
 
     name: unique within the unit. meaning: a noun phrase for tables. measure: the numbers (N,) of the N units
-    of a view of one bag; where untrained, the higher, the more suspicious; NaN where a unit has none.
+    of a view of one bag; NaN where a unit has none.
     implied_by: the quantities of attacks (`labels.quantity`) that move it by definition; an attack that may
     change one of them, by the bounds that it declares, is excused.
     """

@@ -50,7 +50,7 @@ class ProbeModel:
 
 
 def untrained(values: Float64) -> Float64:
-    """The values as scores: the higher, the more suspicious; one that is not there comes last."""
+    """The values as scores; one that is not there comes last."""
     return np.where(np.isfinite(values), values, -np.inf)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,11 @@ class RocArea:
     attacked: int
     clean: int
     clusters: int
+
+    @property
+    def reversed(self) -> RocArea:
+        """The same where a lower score is the more suspicious one."""
+        return replace(self, area=1 - self.area, low=1 - self.high, high=1 - self.low)
 
 
 def roc_area(scores: Float64, is_attacked: Bool, cluster: Int64, tests: int = 1) -> RocArea:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,40 +15,39 @@ from advpipe.pipeline.audit.probe import Float64, Probe, Unit
 from advpipe.pipeline.audit.probe_model import ProbeModel, untrained
 from advpipe.pipeline.audit.registry import PROBES
 from advpipe.pipeline.audit.result import Audit, ProbeResult, or_none
-from advpipe.pipeline.audit.roc_area import roc_area
+from advpipe.pipeline.audit.roc_area import Int64, roc_area
 from advpipe.pipeline.audit.units import Units, joined_units
+from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.provenance_record import Provenance, RecordedAttack
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.progress import plan_progress, track
+from advpipe.pipeline.core.progress import track
 from advpipe.pipeline.dataset.layout import read_layout
 
 MOST_CLOUDS = 40
 """Clouds of a bag, at most, that are measured."""
 
-CLUSTER_S = 1.0
-"""Units of one second count as one cluster of a drive."""
-
 MANY_DRIVES = 8
-"""With at least so many drives, each is one cluster."""
+"""With at least so many drives, each is one cluster, instead of its seconds and stations."""
 
 
 @dataclass(frozen=True)
 class AuditedAttack:
-    """An adversarial bag of a drive, measured. name: its attack and recipe. has_debug: topics."""
+    """An adversarial bag, measured. name: its attack and recipe. has_debug: whether it has debug topics.
+    clean: the units of the bag from which it was made; none if that is not there."""
 
     name: str
     attacks: tuple[RecordedAttack, ...]
     has_debug: bool
     units: Mapping[Unit, Units]
+    clean: Mapping[Unit, Units]
 
 
 @dataclass(frozen=True)
 class AuditedDrive:
-    """A data set, measured. clean: the units of its clean bag."""
+    """A data set, measured."""
 
     name: str
-    clean: Mapping[Unit, Units]
     attacked: tuple[AuditedAttack, ...]
 
 
@@ -57,8 +57,8 @@ def audit(
     """Audit data sets, each a drive with attacks on it.
 
     Probes learn on the drives in `train`, and of several data sets on the others in turn, from bags of the
-    same attack; where there are none, the larger value counts as the more suspicious one. Raises AdvpipeError
-    for a folder that is no data set, a damaged bag, and data sets without an attack.
+    same attack; where there are none, both directions are tried, and the intervals are corrected for that.
+    Raises AdvpipeError for a folder that is no data set, a damaged bag, and data sets without an attack.
     """
     paths = [*datasets, *train]
     if len({path.resolve() for path in paths}) < len(paths):
@@ -68,7 +68,6 @@ def audit(
         layout.refuse_running()
     if not any(layout.attacks for layout in layouts[: len(datasets)]):
         raise UsageError(f"{datasets[0]} holds no adversarial bag; `advpipe attack` makes one")
-    plan_progress({f"measuring {path}": 1 for path in paths})
     drives = [
         _measured(str(path), [layout.clean, *layout.attacks], most_clouds)
         for path, layout in zip(paths, layouts, strict=True)
@@ -85,17 +84,19 @@ def audit(
 
 
 def _measured(name: str, bags: Sequence[Path], most_clouds: int) -> AuditedDrive:
-    clean: Mapping[Unit, Units] = {}
+    about = {path: BagReader(path).provenance for path in bags}
+    attacks = [path for path in bags if about[path].is_attack]
+    parents = [path for path in bags if not about[path].is_attack]
+    steps = iter(track([*parents, *attacks], f"measuring {name}", len(bags)))
+    clean = {path: bag_units(path, most_clouds) for path, _ in zip(parents, steps, strict=False)}
+    of_sha256 = {parent_sha256(path): clean[path] for path in parents} if len(parents) > 1 else {}
     attacked: list[AuditedAttack] = []
-    for number, path in enumerate(track(bags, f"measuring {name}", len(bags))):
-        provenance = BagReader(path).provenance
-        if number == 0:
-            clean = bag_units(path, most_clouds)
-        elif provenance.is_attack:
-            units = bag_units(path, most_clouds)
-            about = provenance.fields
-            attacked.append(AuditedAttack(_name(provenance), about.attacks, about.debug, units))
-    return AuditedDrive(name, clean, tuple(attacked))
+    for path in steps:
+        stated = about[path].fields
+        parent = of_sha256.get(stated.parent_sha256 or "", {}) if of_sha256 else clean[parents[0]]
+        units = bag_units(path, most_clouds)
+        attacked.append(AuditedAttack(_name(about[path]), stated.attacks, stated.debug, units, parent))
+    return AuditedDrive(name, tuple(attacked))
 
 
 def _name(provenance: Provenance) -> str:
@@ -109,7 +110,7 @@ def _results(name: str, judged: Sequence[AuditedDrive], others: Sequence[Audited
     probes = [probe for probe in PROBES if probe.unit in touched]
     for probe in probes:
         parts = [
-            (_compared(drive, one, probe.unit), _model(probe, name, drive, [*judged, *others]))
+            (_compared(one, probe.unit), _model(probe, name, drive, [*judged, *others]))
             for drive, one in rows
             if probe.unit in one.units
         ]
@@ -119,18 +120,18 @@ def _results(name: str, judged: Sequence[AuditedDrive], others: Sequence[Audited
             yield found
 
 
-def _compared(drive: AuditedDrive, one: AuditedAttack, unit: Unit) -> Units:
-    """The units of an adversarial bag, and those of the clean one beside it."""
+def _compared(one: AuditedAttack, unit: Unit) -> Units:
+    """The units of an adversarial bag, and those of the clean one from which it was made."""
     own = one.units[unit]
-    return joined_units([own, drive.clean[unit]]) if unit in drive.clean else own
+    return joined_units([own, one.clean[unit]]) if unit in one.clean else own
 
 
 def _model(
-    probe: Probe[object], name: str, drive: AuditedDrive, drives: Sequence[AuditedDrive]
+    probe: Probe[Any], name: str, drive: AuditedDrive, drives: Sequence[AuditedDrive]
 ) -> ProbeModel | None:
     """What the probe learns on the other drives from bags of this attack."""
     parts = [
-        _compared(other, one, probe.unit)
+        _compared(one, probe.unit)
         for other in drives
         if other is not drive
         for one in other.attacked
@@ -144,24 +145,26 @@ def _model(
 
 def _judged(
     name: str,
-    probe: Probe[object],
+    probe: Probe[Any],
     parts: Sequence[tuple[Units, ProbeModel | None]],
     reason: str,
     tests: int,
 ) -> ProbeResult | None:
     scores: list[Float64] = []
-    clusters: list[Float64] = []
+    clusters: list[Int64] = []
     is_trained = all(model is not None for _, model in parts)
     for number, (units, model) in enumerate(parts):
         values = units.values[probe.name]
         scores.append(model(values) if is_trained and model is not None else untrained(values))
-        second = np.floor((units.time_s - units.time_s.min(initial=np.inf)) / CLUSTER_S)
-        clusters.append(number * 1e9 + (second if len(parts) < MANY_DRIVES else 0 * second))
+        own = np.unique(units.cluster, return_inverse=True)[1].reshape(-1)
+        clusters.append((number << 32) + (own if len(parts) < MANY_DRIVES else 0 * own))
     is_attacked = np.concatenate([units.is_attacked for units, _ in parts])
     if not any(np.isfinite(units.values[probe.name]).any() for units, _ in parts):
         return None
     cluster = np.unique(np.concatenate(clusters), return_inverse=True)[1].reshape(-1)
-    area = roc_area(np.concatenate(scores), is_attacked, cluster, tests)
+    area = roc_area(np.concatenate(scores), is_attacked, cluster, tests if is_trained else 2 * tests)
+    if not is_trained and area.area < 0.5:
+        area = area.reversed
     if np.isnan(area.area):
         return None
     return ProbeResult(

@@ -31,7 +31,9 @@ def audit_command(
     Exit code 1 if a probe does and the attack's definition does not imply it.
     """
     from advpipe.pipeline.audit.run import audit
+    from advpipe.pipeline.core.progress import plan_progress
 
+    plan_progress({f"measuring {path}": 1 for path in (*datasets, *(train or ()))})
     result = audit(datasets, train or (), most_clouds=clouds)
     return Answer(
         json.loads(result.to_json()), lambda: _show(result), exit_code=0 if result.is_good else 1
@@ -50,5 +52,5 @@ def _show(result: Audit) -> None:
     for attack, why in result.unchecked.items():
         print(f"not judged: {attack}: {why}")
     if not all(each.is_trained for each in result.results):
-        print("probes without another drive to learn from: the larger value counts as attacked")
+        print("without another drive to learn from, both directions of a probe were tried")
     print(result)

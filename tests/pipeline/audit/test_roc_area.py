@@ -60,3 +60,12 @@ def test_one_kind_alone_or_one_cluster_gives_no_interval() -> None:
     one = roc_area(np.array([0.0, 1.0]), np.array([False, True]), np.zeros(2, int))
     assert one.area == 1
     assert np.isnan([one.low, one.high]).all()
+
+
+def test_reversed_scores() -> None:
+    draw = np.random.default_rng(8)
+    scores, is_attacked, cluster = draw.random(60), draw.random(60) < 0.5, draw.integers(0, 12, 60)
+    found, other = (roc_area(sign * scores, is_attacked, cluster) for sign in (1, -1))
+    assert [found.reversed.area, found.reversed.low, found.reversed.high] == pytest.approx(
+        [other.area, other.low, other.high]
+    )
