@@ -18,7 +18,7 @@ MOST_BREAKS = 0.002
 
 
 STILL = 0.8
-"""The share of points, at least, that do not move: those on moving objects may be anywhere beside their ray."""
+"""The share of points, at least, that do not move: those on moving objects may lie beside their rays."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,9 @@ class ScanOrder:
         ends = np.append(starts[1:], len(seen))
         middle = np.array([np.median(place[start:end]) for start, end in zip(starts, ends, strict=True)])
         at_s, half = time[starts].astype(np.float64), len(starts) // 2
-        slope = np.median((middle[half:] - middle[: len(middle) - half]) / (at_s[half:] - at_s[: len(at_s) - half]))
+        slope = np.median(
+            (middle[half:] - middle[: len(middle) - half]) / (at_s[half:] - at_s[: len(at_s) - half])
+        )
         line = slope * at_s + np.median(middle - slope * at_s)
         if (np.abs(middle - line) < 0.5).mean() >= STILL:
             middle = np.rint(line)
@@ -143,7 +145,8 @@ def places_in_scan(cloud: Cloud, added: Cloud, order: ScanOrder | None) -> Int64
     its end. Where the order of the points is unknown, beside the one that is nearest in direction."""
     if order is None:
         return _beside_nearest(cloud, added)
-    return np.searchsorted(order.keys, scan_keys(added, order), side="right").astype(np.int64)
+    found: Int64 = np.searchsorted(order.keys, scan_keys(added, order), side="right").astype(np.int64)
+    return found
 
 
 def scan_keys(added: Cloud, order: ScanOrder | None) -> Int64:
@@ -165,7 +168,8 @@ def _beside_nearest(cloud: Cloud, added: Cloud) -> Int64:
     _, nearest = cKDTree(own[seen]).query(np.nan_to_num(wanted))
     before, after = own[seen[np.maximum(nearest - 1, 0)]], own[seen[np.minimum(nearest + 1, len(seen) - 1)]]
     is_later = np.linalg.norm(wanted - after, axis=1) < np.linalg.norm(wanted - before, axis=1)
-    return (seen[nearest] + is_later).astype(np.int64)
+    beside: Int64 = (seen[nearest] + is_later).astype(np.int64)
+    return beside
 
 
 def _directions(cloud: Cloud) -> Float64:

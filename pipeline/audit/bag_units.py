@@ -83,7 +83,8 @@ def _each(reader: BagReader, topic: str, every: int) -> Iterator[tuple[int, RawM
     times_ns = reader.log_times_ns(topic)
     for number in range(0, len(times_ns), every):
         time_ns = int(times_ns[number])
-        yield number, next(iter(reader.raw_messages([topic], time_ns, time_ns)))
+        for raw in islice(reader.raw_messages([topic], time_ns, time_ns), 1):
+            yield number, raw
 
 
 def _clouds(reader: BagReader, topic: str, most: int) -> Iterator[Units]:
@@ -101,7 +102,7 @@ def _clouds(reader: BagReader, topic: str, most: int) -> Iterator[Units]:
             raise AdvpipeError(f"{reader.path}: {FRAMES} does not describe the clouds of {topic}")
         cluster = np.array([raw.log_time_ns // CLUSTER_NS])
         yield measured("cloud", CLOUD_PROBES, view, cluster, np.array([labels is not None]))
-        if labels is not None:
+        if labels is not None and len(scan.cloud):
             yield _points(view, labels, number)
 
 
@@ -143,7 +144,7 @@ def _fixes(reader: BagReader, topic: str, touched: TouchedUnits) -> Iterator[Uni
         last = here
     log_ns = np.array([time_ns for time_ns, _ in found], np.int64)
     stamps_ns = np.array([build.stamp_ns(message) for _, message in found], np.int64)
-    vehicle = topic.split("/")[1]
+    vehicle = topic.strip("/").split("/")[0]
     is_attacked = np.array([(vehicle, stamp_ns) in touched.fixes for stamp_ns in stamps_ns.tolist()], bool)
     view = FixView([message for _, message in found], stamps_ns, log_ns)
     if found:

@@ -37,7 +37,8 @@ class FixView:
         """How many bits at the end of the latitude, longitude and altitude (N,) are zero."""
         bits = np.ascontiguousarray(self.values).view(np.uint64)
         low = (bits & (~bits + np.uint64(1))).astype(np.float64)
-        return np.where(bits == 0, 52.0, np.log2(np.maximum(low, 1.0))).sum(axis=1)
+        zeros: Float64 = np.where(bits == 0, 52.0, np.log2(np.maximum(low, 1.0))).sum(axis=1)
+        return zeros
 
     @cached_property
     def variance_m2(self) -> Float64:

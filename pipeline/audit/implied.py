@@ -11,6 +11,7 @@ from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.labels.fix_quantities import FIX_QUANTITIES
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES, MESSAGES_ADDED
 from advpipe.pipeline.labels.quantities import cloud_quantities
+from advpipe.pipeline.labels.quantity import Quantity
 from advpipe.pipeline.labels.scan_quantities import SCAN_QUANTITIES
 
 _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
@@ -60,6 +61,9 @@ def _reason(quantity: str, declared: Declaration) -> str:
 
 
 def _meaning(quantity: str, declared: Declaration) -> str:
-    known = [MESSAGE_QUANTITIES, FIX_QUANTITIES, SCAN_QUANTITIES, cloud_quantities(declared.quantities)]
+    known: list[Mapping[str, Quantity[Any]]] = [
+        *(MESSAGE_QUANTITIES, FIX_QUANTITIES, SCAN_QUANTITIES),
+        cloud_quantities(declared.quantities),
+    ]
     found = next((each[quantity] for each in known if quantity in each), None)
     return quantity if found is None else f"{found.meaning} ({quantity})"

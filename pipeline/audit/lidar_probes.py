@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.audit.lidar_view import CloudView
 from advpipe.pipeline.audit.probe import Float64, Probe
@@ -17,10 +18,6 @@ def _single(value: float) -> Float64:
     return np.array([value], np.float64)
 
 
-def _steps_back(view: CloudView) -> float:
-    return float((np.diff(view.keys) < 0).mean()) if len(view.cloud) > 1 else 0.0
-
-
 def _interval_error_s(view: CloudView) -> float:
     """The log time's distance from a whole number of milliseconds after the one before."""
     if view.previous_ns is None:
@@ -32,7 +29,7 @@ CLOUD_PROBES: tuple[Probe[CloudView], ...] = (
     Probe("points", "cloud", "number of points", lambda v: _single(len(v.cloud)), _COUNTS),
     Probe("bytes", "cloud", "bytes of the message", lambda v: _single(v.message_bytes), _COUNTS),
     Probe("steps-back", "cloud", "share of points that stand before their place in the turn",
-          lambda v: _single(_steps_back(v))),
+          lambda v: _single(_mean(np.where(np.isnan(v.steps_back), np.nan, v.steps_back > 0)))),
     Probe("tail", "cloud", "largest angle between successive ones of the last 100 points",
           lambda v: _single(float(np.nan_to_num(v.jump_rad[-100:]).max(initial=0.0)))),
     Probe("compression", "cloud", "compressed share of the bytes", lambda v: _single(v.compressed_share),
@@ -60,7 +57,7 @@ POINT_PROBES: tuple[Probe[CloudView], ...] = (
           lambda v: np.arange(len(v.cloud)) / max(len(v.cloud), 1)),
     Probe("jump", "point", "angle to its neighbours in the array", lambda v: v.jump_rad, _RAYS),
     Probe("steps-back", "point", "columns and rings by which it stands before its place in the turn",
-          lambda v: np.append(0.0, np.maximum(-np.diff(v.keys), 0))),
+          lambda v: v.steps_back),
     Probe("ring", "point", "rings between the one that it states and the one of its elevation",
           lambda v: np.abs(v.cloud["ring"].astype(np.int64) - v.cells[0]) * (v.habits.sensor is not None),
           ("max_off_ray_urad",)),
@@ -81,7 +78,7 @@ POINT_PROBES: tuple[Probe[CloudView], ...] = (
 )  # fmt: skip
 
 
-def _mean(values: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> float:
+def _mean(values: npt.ArrayLike) -> float:
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     return float(known.mean()) if len(known) else np.nan

@@ -67,12 +67,14 @@ class CloudView:
         return self.habits.sensor.cells(self.cloud)
 
     @cached_property
-    def keys(self) -> npt.NDArray[np.int64]:
-        """The place (N,) of each point in the turn; its index where the order is unknown."""
+    def steps_back(self) -> Float64:
+        """By how many rays (N,) a point stands before the place in the turn of the one before it; NaN where
+        the bag shows no order."""
         if self.habits.turn is None:
-            return np.arange(len(self.cloud))
+            return np.full(len(self.cloud), np.nan)
         ring, column = self.cells
-        return self.habits.turn.key(ring, self.habits.turn.place(column))
+        keys = self.habits.turn.key(ring, self.habits.turn.place(column))
+        return np.append(0.0, np.maximum(-np.diff(keys), 0))[: len(keys)]
 
     @cached_property
     def jump_rad(self) -> Float64:
@@ -80,7 +82,8 @@ class CloudView:
         one."""
         unit = self.points / np.linalg.norm(self.points, axis=1, keepdims=True)
         step = np.linalg.norm(np.diff(unit, axis=0), axis=1)
-        return np.fmin(np.append(np.inf, step), np.append(step, np.inf))
+        nearest: Float64 = np.fmin(np.append(np.inf, step), np.append(step, np.inf))
+        return nearest
 
     @cached_property
     def off_ray_rad(self) -> Float64:
@@ -124,21 +127,23 @@ class CloudView:
         grid = self.habits.grid
         if grid is None:
             return np.full(len(self.cloud), np.nan)
-        return grid.offset_m(xyz(self.cloud)).max(axis=1, initial=0.0)
+        off_m: Float64 = grid.offset_m(xyz(self.cloud)).max(axis=1, initial=0.0)
+        return off_m
 
     @cached_property
     def face_distance_m(self) -> Float64:
         """How far (N,) a point lies from the faces of voxels of usual sizes, at least."""
         level = self.points[:, :2]
-        return np.stack(
-            [np.abs(level - np.rint(level / edge_m) * edge_m).min(axis=1) for edge_m in VOXEL_M], 1
-        ).min(axis=1)
+        distances_m = [np.abs(level - np.rint(level / edge_m) * edge_m).min(axis=1) for edge_m in VOXEL_M]
+        nearest_m: Float64 = np.stack(distances_m, 1).min(axis=1)
+        return nearest_m
 
     @cached_property
     def late_s(self) -> Float64:
         """How far (N,) a point's time lies from those of its neighbours in the array, the smaller one."""
         step = np.abs(np.diff(self.cloud["time"].astype(np.float64)))
-        return np.fmin(np.append(np.inf, step), np.append(step, np.inf))
+        nearest: Float64 = np.fmin(np.append(np.inf, step), np.append(step, np.inf))
+        return nearest
 
     @cached_property
     def compressed_share(self) -> float:

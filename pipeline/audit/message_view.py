@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +67,9 @@ class MessageView:
         found = np.zeros(len(self.station))
         for places in self.of_station:
             times = self.arrival_ns[places]
-            found[places] = np.arange(1, len(places) + 1) - np.searchsorted(times, times - 1_000_000_000, "right")
+            found[places] = np.arange(1, len(places) + 1) - np.searchsorted(
+                times, times - 1_000_000_000, "right"
+            )
         return found
 
     @cached_property
@@ -92,12 +95,15 @@ class MessageView:
     def gap_s(self) -> Float64:
         """The time (N,) to the nearest message of another arrival, before or after."""
         step = np.diff(self.arrival_ns) / 1e9
-        return np.fmin(np.append(np.inf, step), np.append(step, np.inf))
+        nearest: Float64 = np.fmin(np.append(np.inf, step), np.append(step, np.inf))
+        return nearest
 
     @cached_property
     def same_body(self) -> Float64:
         """How many messages (N,) have the same bytes behind header and time."""
-        bodies = [(each.payload or b"")[TIME_BYTES if self.has_time else HEADER_BYTES :] for each in self.receptions]
+        bodies = [
+            (each.payload or b"")[TIME_BYTES if self.has_time else HEADER_BYTES :] for each in self.receptions
+        ]
         count = Counter(bodies)
         return np.array([count[body] for body in bodies], np.float64)
 
@@ -108,14 +114,22 @@ class StationView:
 
     messages: MessageView
 
-    def each(self, values: Float64, of: str = "median") -> Float64:
-        """The median, spread or number (S,) of values (N,) of the messages of each id."""
-        found = {
-            "median": lambda own: np.nanmedian(own) if np.isfinite(own).any() else np.nan,
-            "spread": lambda own: np.nanstd(own) if np.isfinite(own).any() else np.nan,
-            "number": len,
-        }[of]
-        return np.array([found(values[places]) for places in self.messages.of_station], np.float64)
+    def each(self, values: Float64) -> Float64:
+        """The median (S,) of values (N,) of the messages of each id; NaN where there are none."""
+        return self._of(values, np.nanmedian)
+
+    def spread(self, values: Float64) -> Float64:
+        """The same of their standard deviation."""
+        return self._of(values, np.nanstd)
+
+    @property
+    def count(self) -> Float64:
+        """How many messages (S,) each sent."""
+        return np.array([len(places) for places in self.messages.of_station], np.float64)
+
+    def _of(self, values: Float64, of: Callable[[Float64], Any]) -> Float64:
+        found = [values[places] for places in self.messages.of_station]
+        return np.array([of(own) if np.isfinite(own).any() else np.nan for own in found], np.float64)
 
 
 def _number(payload: bytes | None, start: int, end: int) -> int:

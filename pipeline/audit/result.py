@@ -53,7 +53,8 @@ class ProbeResult:
         interval = "" if self.low is None or self.high is None else f" ({self.low:.2f} to {self.high:.2f})"
         because = f"; implied: {self.reason}" if self.reason else ""
         return one_line(
-            f"{self.attack}: {self.unit}/{self.probe}, {self.meaning}: area {self.area:.2f}{interval}{because}"
+            f"{self.attack}: {self.unit}/{self.probe}, {self.meaning}: "
+            f"area {self.area:.2f}{interval}{because}"
         )
 
 

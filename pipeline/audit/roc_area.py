@@ -60,7 +60,9 @@ def roc_area(scores: Float64, is_attacked: Bool, cluster: Int64, tests: int = 1)
         return RocArea(area, math.nan, math.nan, len(attacked), len(clean), len(names))
     pseudo = count * area - (count - 1) * left_wins[known] / left_pairs[known]
     values = np.concatenate([pseudo, [0.0, 1.0]])
-    reach = float(t.ppf(1 - 0.025 / max(tests, 1), len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values)))
+    reach = float(
+        t.ppf(1 - 0.025 / max(tests, 1), len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
+    )
     centre = float(values.mean())
     low, high = max(0.0, min(area, centre - reach)), min(1.0, max(area, centre + reach))
     return RocArea(area, low, high, len(attacked), len(clean), len(names))

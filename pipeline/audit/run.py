@@ -51,9 +51,7 @@ class AuditedDrive:
     attacked: tuple[AuditedAttack, ...]
 
 
-def audit(
-    datasets: Sequence[Path], train: Sequence[Path] = (), *, most_clouds: int = MOST_CLOUDS
-) -> Audit:
+def audit(datasets: Sequence[Path], train: Sequence[Path] = (), *, most_clouds: int = MOST_CLOUDS) -> Audit:
     """Audit data sets, each a drive with attacks on it.
 
     Probes learn on the drives in `train`, and of several data sets on the others in turn, from bags of the
@@ -103,7 +101,9 @@ def _name(provenance: Provenance) -> str:
     return " ".join(filter(None, (provenance.fields.attack, provenance.fields.recipe)))
 
 
-def _results(name: str, judged: Sequence[AuditedDrive], others: Sequence[AuditedDrive]) -> Iterator[ProbeResult]:
+def _results(
+    name: str, judged: Sequence[AuditedDrive], others: Sequence[AuditedDrive]
+) -> Iterator[ProbeResult]:
     """What each probe says of one attack, over all drives that have it."""
     rows = [(drive, one) for drive in judged for one in drive.attacked if one.name == name]
     touched = {unit for _, one in rows for unit, units in one.units.items() if units.is_attacked.any()}

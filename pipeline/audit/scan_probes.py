@@ -43,7 +43,9 @@ class ScanView:
     @cached_property
     def steps_back(self) -> Float64:
         """Whether a return (N,) is nearer than the one before, where scans are sorted by range."""
-        return np.append(0.0, (np.diff(self.scan.returns["range"]) < 0).astype(np.float64))[: len(self.scan.returns)]
+        return np.append(0.0, (np.diff(self.scan.returns["range"]) < 0).astype(np.float64))[
+            : len(self.scan.returns)
+        ]
 
 
 def _single(value: float) -> Float64:

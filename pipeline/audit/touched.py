@@ -69,7 +69,7 @@ def touched_points(labels: PointLabels, clean: int, here: int) -> Int64:
     AdvpipeError for labels of other points."""
     if clean < 0 or (labels.point >= clean).any():
         raise AdvpipeError(f"{POINTS}: labels a point that the cloud did not have")
-    found = labels.places(clean)[labels.action != REMOVED]
+    found: Int64 = labels.places(clean)[labels.action != REMOVED]
     if ((found < 0) | (found >= here)).any():
         raise AdvpipeError(f"{POINTS}: labels a point that the cloud does not have")
     return found

@@ -26,7 +26,7 @@ def audit_command(
         int, typer.Option("--clouds", help="LiDAR clouds of a bag to measure, at most.", min=1)
     ] = 40,
 ) -> Answer:
-    """Say whether anything but the attack itself tells attacked from clean: order, counts, sizes, timing, ids.
+    """Say whether anything but the attack itself tells attacked from clean: order, sizes, times, ids.
 
     Exit code 1 if a probe does and the attack's definition does not imply it.
     """
@@ -35,9 +35,7 @@ def audit_command(
 
     plan_progress({f"measuring {path}": 1 for path in (*datasets, *(train or ()))})
     result = audit(datasets, train or (), most_clouds=clouds)
-    return Answer(
-        json.loads(result.to_json()), lambda: _show(result), exit_code=0 if result.is_good else 1
-    )
+    return Answer(json.loads(result.to_json()), lambda: _show(result), exit_code=0 if result.is_good else 1)
 
 
 def _show(result: Audit) -> None:

@@ -35,7 +35,8 @@ class CloudChange:
     @cached_property
     def added(self) -> Cloud:
         """The added points, in the order of their labels."""
-        return self.adversarial[self.labels.places(len(self.clean))[self.labels.action == ADDED]]
+        found: Cloud = self.adversarial[self.labels.places(len(self.clean))[self.labels.action == ADDED]]
+        return found
 
     @cached_property
     def survivors(self) -> tuple[Cloud, Cloud]:

@@ -11,9 +11,7 @@ from advpipe.pipeline.audit.probe_model import MIN_UNITS, ProbeModel, untrained
 def test_values_in_the_middle_are_learnt() -> None:
     """Attacked: 0.4 to 0.6; clean: 0 to 1. Untrained, the larger value alone says nothing."""
     draw = np.random.default_rng(3)
-    other, own = (
-        (draw.uniform(0.4, 0.6, 500), draw.uniform(0, 1, 500)) for _ in range(2)
-    )
+    other, own = ((draw.uniform(0.4, 0.6, 500), draw.uniform(0, 1, 500)) for _ in range(2))
     model = ProbeModel.learnt(np.concatenate(other), np.repeat([True, False], 500))
     assert model is not None
     attacked, clean = own
