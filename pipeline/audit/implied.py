@@ -10,7 +10,13 @@ from advpipe.pipeline.bag.provenance_record import RecordedAttack
 from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.labels.fix_quantities import FIX_QUANTITIES
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES, MESSAGES_ADDED
-from advpipe.pipeline.labels.quantities import cloud_quantities
+from advpipe.pipeline.labels.quantities import (
+    MAX_DISPLACEMENT,
+    MAX_INTENSITY_CHANGE,
+    MAX_OFF_RAY,
+    POINTS_MOVED,
+    cloud_quantities,
+)
 from advpipe.pipeline.labels.quantity import Quantity
 from advpipe.pipeline.labels.scan_quantities import SCAN_QUANTITIES
 
@@ -24,6 +30,10 @@ _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
     "return": ("radar",),
     "chunk": ("lidar", "v2x", "gnss", "radar"),
 }
+
+
+OF_MOVED_POINTS = (MAX_DISPLACEMENT.name, MAX_OFF_RAY.name, MAX_INTENSITY_CHANGE.name)
+"""Quantities that an attack which moves no point need not bound."""
 
 
 def implied(probe: Probe[Any], attacks: Iterable[RecordedAttack], *, has_debug: bool) -> str:
@@ -54,6 +64,8 @@ def _reason(quantity: str, declared: Declaration) -> str:
             return f"declares {_meaning(quantity, declared)} of up to {max(map(abs, least_most)):g}"
     if declared.family == "v2x" and quantity == MESSAGES_ADDED.name:
         return "sends messages that no station would" if any(e.every_message_matters for e in terms) else ""
+    if quantity in OF_MOVED_POINTS and declared.bounds.get(POINTS_MOVED.name) == (0, 0):
+        return ""
     is_cloud_quantity = quantity in cloud_quantities(declared.quantities)
     if declared.family == "lidar" and is_cloud_quantity and quantity not in declared.bounds:
         return f"does not bound the {_meaning(quantity, declared)}"

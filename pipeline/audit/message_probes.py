@@ -44,7 +44,7 @@ STATION_PROBES: tuple[Probe[StationView], ...] = (
           lambda v: v.count, _RATE),
     Probe("bytes", "station", "median bytes of a message", lambda v: v.each(v.messages.length)),
     Probe("bytes-spread", "station", "spread of the bytes",
-          lambda v: v.spread(v.messages.length)),
+          lambda v: v.spread(v.messages.length), _IDS),
     Probe("interval", "station", "median interval",
           lambda v: v.each(v.messages.interval_s), _RATE),
     Probe("interval-spread", "station", "spread of the intervals",

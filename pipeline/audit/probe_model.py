@@ -36,7 +36,8 @@ class ProbeModel:
             return None
         known = [each[np.isfinite(each)] for each in (attacked, clean)]
         levels = np.linspace(0, 1, BINS // 2 + 1)
-        edges = np.unique(np.concatenate([np.quantile(each, levels) for each in known if len(each)]))[1:]
+        quantiles = [np.quantile(each, levels) for each in known if len(each)]
+        edges = np.unique(np.concatenate([np.zeros(0), *quantiles]))[1:]
         counts = [
             np.bincount(_bins(edges, each), minlength=len(edges) + 2) + 0.5 for each in (attacked, clean)
         ]

@@ -17,8 +17,8 @@ Bool = npt.NDArray[np.bool_]
 class RocArea:
     """The probability that an attacked unit scores higher than a clean one, ties counting half.
 
-    low, high: the interval; NaN where there are not two clusters. attacked, clean, clusters: how many there
-    are.
+    low, high: the interval; NaN where the area rests on one cluster. attacked, clean, clusters: how many
+    there are.
     """
 
     area: float
@@ -54,11 +54,10 @@ def roc_area(scores: Float64, is_attacked: Bool, cluster: Int64, tests: int = 1)
     left_wins, left_pairs = (
         each.sum() - each.sum(axis=0) - each.sum(axis=1) + np.diag(each) for each in (wins, pairs)
     )
-    known = left_pairs > 0
-    count = int(known.sum())
-    if count < 2:
+    count = len(names)
+    if count < 2 or (left_pairs <= 0).any():  # the area rests on one cluster alone
         return RocArea(area, math.nan, math.nan, len(attacked), len(clean), len(names))
-    pseudo = count * area - (count - 1) * left_wins[known] / left_pairs[known]
+    pseudo = count * area - (count - 1) * left_wins / left_pairs
     values = np.concatenate([pseudo, [0.0, 1.0]])
     reach = float(
         t.ppf(1 - 0.025 / max(tests, 1), len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))

@@ -69,3 +69,10 @@ def test_reversed_scores() -> None:
     assert [found.reversed.area, found.reversed.low, found.reversed.high] == pytest.approx(
         [other.area, other.low, other.high]
     )
+
+
+def test_an_attack_on_one_cluster_alone_has_no_interval() -> None:
+    """However many clean ones there are: its one moment may be special for any reason."""
+    found = roc_area(np.arange(40.0), np.arange(40) == 39, np.arange(40))
+    assert found.area == 1
+    assert np.isnan([found.low, found.high]).all()
