@@ -29,7 +29,7 @@ LAYERS = (
     {"bag", "baselines", "birds_eye", "labels", "live", "results", "viewer"},
     {"image_labels", "replay", "dataset", "detector", "viewer_layouts"},
     {"attack_detection", "defences"},
-    {"adversary"},
+    {"adversary", "audit"},
 )
 """Of `pipeline/`, from the ground up; each imports only from its own layer and those below it."""
 

@@ -27,6 +27,13 @@ MAX_SPREAD = 0.25
 """Of the spacing of rings, or of columns: with a larger spread, they are unknown."""
 
 
+NEAR_COLUMNS = 0.01
+"""By what share the median step between points may misjudge the number of columns."""
+
+MOST_COLUMNS_OFF = 40
+"""And by how many, at most: usual LiDARs have up to 4,000."""
+
+
 @dataclass(frozen=True)
 class Directions:
     """The directions of points (N,) from the sensor. azimuth_rad: in [-pi, pi]. range_m: NaN where a point
@@ -63,8 +70,8 @@ class SensorGeometry:
     has_columns: bool
 
     @classmethod
-    def learnt(cls, clean: Sequence[Cloud]) -> SensorGeometry | None:
-        """From clean clouds; None if they tell no rings apart."""
+    def learnt(cls, clean: Sequence[Cloud], typical: float = TYPICAL) -> SensorGeometry | None:
+        """From clean clouds; None if they tell no rings apart. typical: the share of points on their rays."""
         cloud = np.concatenate([each[np.isfinite(Directions.of(each).range_m)] for each in clean])
         rings = np.unique(cloud["ring"])
         if len(rings) < 2:
@@ -75,23 +82,23 @@ class SensorGeometry:
             elevations[ring] = np.median(way.elevation_rad[cloud["ring"] == ring])
         off_rad = np.abs(way.elevation_rad - elevations[cloud["ring"]])
         spacing_rad = float(np.median(np.abs(np.diff(elevations[rings]))))
-        if np.quantile(off_rad, TYPICAL) > MAX_SPREAD * spacing_rad:
+        if np.quantile(off_rad, typical) > MAX_SPREAD * spacing_rad:
             return None
         fullest = rings[np.argmax(np.bincount(cloud["ring"])[rings])]
         azimuths = [Directions.of(each[each["ring"] == fullest]).azimuth_rad for each in clean]
         steps_rad = np.concatenate([np.diff(np.sort(each)) for each in azimuths])
         columns = max(1, round(2 * np.pi / max(float(np.median(steps_rad)), 1e-5)))
-        place = way.azimuth_rad * (columns / (2 * np.pi))
-        phase = float(np.angle(np.exp(2j * np.pi * place).mean()) / (2 * np.pi)) % 1.0
-        off_columns = np.abs(place - phase - np.rint(place - phase))
-        typical = float(np.quantile(off_columns, TYPICAL))
+        phase, off = _phase(way.azimuth_rad, columns, typical)
+        if off >= MAX_SPREAD:  # rounded coordinates blur the steps
+            columns = _sharpest(np.concatenate(azimuths), columns)
+            phase, off = _phase(way.azimuth_rad, columns, typical)
         return cls(
             elevations,
-            max(MIN_TOLERANCE_RAD, 2 * float(np.quantile(off_rad, TYPICAL))),
+            max(MIN_TOLERANCE_RAD, 2 * float(np.quantile(off_rad, typical))),
             columns,
             phase,
-            max(MIN_TOLERANCE_RAD, 2 * typical * 2 * np.pi / columns),
-            has_columns=typical < MAX_SPREAD,
+            max(MIN_TOLERANCE_RAD, 2 * off * 2 * np.pi / columns),
+            has_columns=off < MAX_SPREAD,
         )
 
     def off_ray(self, cloud: Cloud) -> Bool:
@@ -127,3 +134,18 @@ class SensorGeometry:
         return np.column_stack(
             [flat * np.cos(azimuth_rad), flat * np.sin(azimuth_rad), np.sin(elevation_rad)]
         )
+
+
+def _phase(azimuth_rad: Float64, columns: int, typical: float) -> tuple[float, float]:
+    """The phase of azimuths (N,), and how far, in columns, that share of them lies from the middle of one."""
+    place = azimuth_rad * (columns / (2 * np.pi))
+    phase = float(np.angle(np.exp(2j * np.pi * place).mean()) / (2 * np.pi)) % 1.0
+    off_columns = np.abs(place - phase - np.rint(place - phase))
+    return phase, float(np.quantile(off_columns, typical))
+
+
+def _sharpest(azimuth_rad: Float64, columns: int) -> int:
+    """The number of columns near a first estimate on which azimuths (N,) lie best."""
+    reach = min(round(columns * NEAR_COLUMNS), MOST_COLUMNS_OFF)
+    near = range(max(1, columns - reach), columns + reach + 1)
+    return max(near, key=lambda count: abs(np.exp(1j * count * azimuth_rad).mean()))

@@ -11,6 +11,7 @@ import typer
 from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.cli.attack_parameters import AttackCommand
 from advpipe.pipeline.cli.attacks import attacks_command
+from advpipe.pipeline.cli.audit import audit_command
 from advpipe.pipeline.cli.bags import inspect, plot, recover_command
 from advpipe.pipeline.cli.check import check_command
 from advpipe.pipeline.cli.clean import clean
@@ -70,6 +71,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "clean": clean,
     "check": check_command,
     "verify": verify_command,
+    "audit": audit_command,
     "schema": schema_command,
 }
 for name, command in COMMANDS.items():

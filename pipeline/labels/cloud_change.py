@@ -16,8 +16,8 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CloudChange:
-    """A clean cloud (N,), what an attack made of it, and labels that state exactly what differs: the points
-    that were not removed in their order, and then those added."""
+    """A clean cloud (N,), what an attack made of it, and labels that state exactly what differs. The points
+    that were not removed keep their order."""
 
     clean: Cloud
     adversarial: Cloud
@@ -33,14 +33,26 @@ class CloudChange:
         return int(np.isfinite(xyzi(self.clean)).all(axis=1).sum())
 
     @cached_property
+    def added(self) -> Cloud:
+        """The added points, in the order of their labels."""
+        found: Cloud = self.adversarial[self.labels.places(len(self.clean))[self.labels.action == ADDED]]
+        return found
+
+    @cached_property
+    def survivors(self) -> tuple[Cloud, Cloud]:
+        """The points that were not removed, before and after."""
+        labels = self.labels
+        kept, ours = np.ones(len(self.clean), bool), np.ones(len(self.adversarial), bool)
+        kept[labels.point[labels.action == REMOVED]] = False
+        ours[labels.places(len(self.clean))[labels.action == ADDED]] = False
+        return self.clean[kept], self.adversarial[ours]
+
+    @cached_property
     def moved(self) -> tuple[Cloud, Cloud]:
         """The moved points before and after."""
-        labels = self.labels
-        kept = np.ones(len(self.clean), bool)
-        kept[labels.point[labels.action == REMOVED]] = False
-        place = np.cumsum(kept) - 1
-        points = labels.point[labels.action == MOVED]
-        return self.clean[points], self.adversarial[place[points]]
+        is_moved = self.labels.action == MOVED
+        places = self.labels.places(len(self.clean))[is_moved]
+        return self.clean[self.labels.point[is_moved]], self.adversarial[places]
 
     @cached_property
     def offset_m(self) -> Float64:
@@ -68,7 +80,7 @@ class CloudChange:
         """The distance of each added point to the nearest point of the clean cloud."""
         from scipy.spatial import cKDTree
 
-        added = self.adversarial[len(self.adversarial) - self.count(ADDED) :]
+        added = self.added
         scene = xyz(self.clean[np.isfinite(xyzi(self.clean)).all(axis=1)]).astype(np.float64)
         if not len(added) or not len(scene):
             return np.full(len(added), np.inf)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.core.bounded_parquet import batches
+from advpipe.pipeline.core.bounded_parquet import batches, flat_columns
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.columns import Columns, arrow_schema
 from advpipe.pipeline.labels.points import ACTIONS, PointLabels
@@ -26,8 +26,10 @@ POINT_COLUMNS: Columns = {
     "point": "int32",
     "action": "words",
     "displacement_m": "float32",
+    "attacked": "int32",
 }
-"""Of `labels.parquet`: frame and point are counted in the clean bag's topic; see `PointLabels`."""
+"""Of `labels.parquet`: frame and point are counted in the clean bag's topic; see `PointLabels`. attacked: the
+index in the adversarial cloud, -1 for a removed point; tables of older versions lack it."""
 
 FRAME_COLUMNS: Columns = {
     "topic": "string",
@@ -117,6 +119,7 @@ class PointTables:
             pa.array(labels.point.astype(np.int32)),
             _encoded(labels.action),
             pa.array(labels.displacement_m.astype(np.float32)),
+            pa.array(labels.places(len(frame.clean.cloud)).astype(np.int32)),
         ]
         self._waiting.append(pa.Table.from_arrays(columns, schema=self._points))
         if sum(map(len, self._waiting)) >= GROUP_ROWS:
@@ -152,6 +155,7 @@ MOST_LABELS = 1 << 22
 """Labels of one frame, at most: twice the rays of the largest simulated LiDAR; real ones have a tenth."""
 
 _READ = ("topic", "frame", "point", "action", "displacement_m")
+_NEWER = "attacked"
 
 
 @dataclass(frozen=True)
@@ -170,8 +174,9 @@ def read_point_labels(path: Path) -> Iterator[FrameLabels]:
     labels of one frame than any cloud has points.
     """
     topic, frame, held, count = "", -1, list[PointLabels](), 0
-    for batch in batches(path, _READ):
-        topics, frames, *values = (batch.column(name).to_numpy(zero_copy_only=False) for name in _READ)
+    columns = (*_READ, _NEWER) if _NEWER in flat_columns(path) else _READ
+    for batch in batches(path, columns):
+        topics, frames, *values = (batch.column(name).to_numpy(zero_copy_only=False) for name in columns)
         ends = np.flatnonzero((topics[1:] != topics[:-1]) | (frames[1:] != frames[:-1])) + 1
         for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(frames)], strict=True):
             if start == end:
@@ -193,5 +198,11 @@ def _joined(parts: Sequence[PointLabels]) -> PointLabels:
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("point", "action", "displacement_m")
     )
+    attacked = [part.attacked for part in parts if part.attacked is not None]
     with np.errstate(invalid="ignore"):  # NaN becomes the index of no point
-        return PointLabels(point.astype(np.int64), action, displacement_m.astype(np.float64))
+        return PointLabels(
+            point.astype(np.int64),
+            action,
+            displacement_m.astype(np.float64),
+            np.concatenate(attacked).astype(np.int64) if attacked else None,
+        )

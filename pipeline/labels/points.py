@@ -21,14 +21,32 @@ class PointLabels:
     action: (K,) str, what was done to it, one of `ACTIONS`.
     displacement_m: (K,) float64, how far it was moved, or the distance of an added point to the nearest clean
     point; NaN for a removed point.
+    attacked: (K,) int64, index in the adversarial cloud, -1 for a removed point. None where the points that
+    were not removed keep their order and those added follow them.
     """
 
     point: npt.NDArray[np.int64]
     action: npt.NDArray[np.str_]
     displacement_m: npt.NDArray[np.float64]
+    attacked: npt.NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.point)
+
+    def places(self, points: int) -> npt.NDArray[np.int64]:
+        """The index (K,) of each touched point in the adversarial cloud, -1 for a removed one; points: of the
+        clean cloud."""
+        if self.attacked is not None:
+            return self.attacked
+        is_removed, is_added = self.action == REMOVED, self.action == ADDED
+        kept = np.ones(points, bool)
+        kept[self.point[is_removed]] = False
+        place = np.cumsum(kept) - 1
+        found = np.full(len(self), -1, np.int64)
+        is_moved = ~(is_removed | is_added)
+        found[is_moved] = place[self.point[is_moved]]
+        found[is_added] = kept.sum() + np.arange(is_added.sum())
+        return found
 
     @staticmethod
     def removed(points: npt.NDArray[np.int64]) -> PointLabels:

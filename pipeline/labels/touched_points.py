@@ -13,12 +13,12 @@ from advpipe.pipeline.messages.debug import touched_points
 
 def touched_by(change: CloudChange) -> npt.NDArray[np.void]:
     """Points (K,) of `TOUCHED_POINT_DTYPE`: first those removed, then those moved and those added."""
-    clean, adversarial, labels = change.clean, change.adversarial, change.labels
+    clean, labels = change.clean, change.labels
     removed, moved, added = (labels.action == action for action in (REMOVED, MOVED, ADDED))
     parts = (
         (clean[labels.point[removed]], removed),
         (change.moved[1], moved),
-        (adversarial[len(adversarial) - change.count(ADDED) :], added),
+        (change.added, added),
     )
     return np.concatenate(
         [

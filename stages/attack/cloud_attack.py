@@ -25,6 +25,7 @@ from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.build import adaptation_of, build_lidar_attack
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds
+from advpipe.stages.attack.lidar.scan_placement import in_scan_order
 from advpipe.stages.attack.parameters import resolved_recipe
 
 Group = tuple[int, ...]
@@ -89,7 +90,7 @@ def cloud_attacker(
         result = replace(result, note=join_notes(note, result.note)) if note else result
         refuse_invalid(spec.type, frame.cloud, result)
         refuse_out_of_bounds(spec.type, attack, frame.cloud, result)
-        return result
+        return in_scan_order(frame.cloud, result)
 
     def attack_group(number: int) -> GroupResults:
         places = groups[number]

@@ -16,6 +16,9 @@ from advpipe.pipeline.core.job_folder import PARTIAL_SUFFIX, job_folder
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.stages.attack.lidar.base import LidarResult
 
+NO_PLACES = np.zeros(0, np.int64)
+"""Stands for `PointLabels.attacked` where it is None."""
+
 
 @dataclass(frozen=True)
 class Job:
@@ -27,7 +30,9 @@ class Job:
         """The result of a frame; None while it is not done."""
         try:
             with np.load(self._file(index), allow_pickle=False) as stored:
-                labels = PointLabels(stored["point"], stored["action"], stored["displacement_m"])
+                own = stored["point"], stored["action"], stored["displacement_m"]
+                places = stored["attacked"]
+                labels = PointLabels(*own, places if len(places) == len(own[0]) else None)
                 before, after = (float(loss) for loss in stored["loss"])
                 return LidarResult(stored["cloud"], labels, before, after, str(stored["note"]))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
@@ -53,6 +58,7 @@ class Job:
                     point=labels.point,
                     action=labels.action,
                     displacement_m=labels.displacement_m,
+                    attacked=NO_PLACES if labels.attacked is None else labels.attacked,
                     loss=np.array([result.loss_before, result.loss_after]),
                     note=np.array(result.note),
                 )

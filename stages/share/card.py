@@ -21,6 +21,7 @@ from advpipe.pipeline.core.errors import one_line
 from advpipe.pipeline.dataset.layout import Layout
 from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.stages.share import names
+from advpipe.stages.share.audit_table import audit_table
 from advpipe.stages.share.effects import effect_tables, report_warnings
 from advpipe.stages.share.facts import BagFacts, TopicFacts
 from advpipe.stages.share.markdown import Markdown, authors_text, block, code, escaped, link, literal
@@ -154,6 +155,7 @@ def write_card(
         origin=_origin(clean, scenario),
         warnings=report_warnings(found.reports),
         effects=effect_tables(found.reports),
+        audit=audit_table(found) if attacks else None,
         has_messages=any(topic.type.startswith("advpipe_msgs/") for topic in clean.topics.values()),
         first_topic=first.name,
         first_fields=_numpy_fields(clean, first),

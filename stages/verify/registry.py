@@ -12,6 +12,7 @@ from advpipe.stages.verify.checks.copies import Copies
 from advpipe.stages.verify.checks.crcs import Crcs
 from advpipe.stages.verify.checks.debug_topics import DebugTopics
 from advpipe.stages.verify.checks.fixes import Fixes
+from advpipe.stages.verify.checks.leaks import Leaks
 from advpipe.stages.verify.checks.metadata import MetadataYaml
 from advpipe.stages.verify.checks.points import Points
 from advpipe.stages.verify.checks.provenance import ProvenanceCheck
@@ -49,6 +50,7 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "fixes": Fixes,
     "scans": Scans,
     "debug": DebugTopics,
+    "audit": Leaks,
 }
 
 QUICK = ("checksums", "signature", "crcs")

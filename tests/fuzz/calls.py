@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
+from advpipe.pipeline.audit.run import audit
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.inspect import describe
 from advpipe.pipeline.bag.localisation import read_measurements
@@ -53,6 +54,12 @@ def check(bag: Path, out: Path) -> str:
     result = verify(bag)
     result.to_json()
     return "\n".join(map(str, (*result.findings, *result.unchecked)))
+
+
+def audited(dataset: Path, out: Path) -> str:
+    result = audit([dataset], most_clouds=2)
+    result.to_json()
+    return "\n".join(map(str, result.results))
 
 
 def frames(bag: Path, out: Path) -> None:

@@ -21,6 +21,7 @@ from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.build import adaptation_of, build_lidar_attack
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds
+from advpipe.stages.attack.lidar.scan_placement import in_scan_order
 from advpipe.stages.attack.parameters import known_parameters
 
 _PACKAGE = "advpipe.pipeline.campaigns.relay"
@@ -68,6 +69,7 @@ class ScheduledCloudAttack:
         refuse_invalid(self.name, stamped.cloud, result)
         refuse_out_of_bounds(self.name, self.attack, stamped.cloud, result)
         if len(result.labels):
+            result = in_scan_order(stamped.cloud, result)
             cdr = cloud_to_cdr(result.cloud, stamped.stamp_ns, stamped.frame_id)
         return AttackedCloud(stamped, result, cdr)
 

@@ -34,6 +34,8 @@ from advpipe.pipeline.adversary.random_best import (
 )
 from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import look
+from advpipe.pipeline.attack_detection.coordinate_grid import on_grid_of
+from advpipe.pipeline.attack_detection.scan_order import as_measured, scan_order_of
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
@@ -208,7 +210,8 @@ class Attach(LidarAttack):
     def __call__(
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
-        """The cloud with the new points at its end; unchanged, with a note, if there is nothing to attack."""
+        """The cloud with the new points at its end, each with the ring and the time of its direction;
+        unchanged, with a note, if there is nothing to attack."""
         scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
         if not len(scene):
             return unchanged(cloud, "no points to start from")
@@ -232,10 +235,12 @@ class Attach(LidarAttack):
             note = note or "the constraints leave no place for so many points"
             return unchanged(cloud, note, loss_before)
         added = scene[places.source].copy()
+        points = places.points
+        if not (self.constraints.along_ray or self.recipe == "stealthy"):  # no place of a grid lies on a ray
+            points = on_grid_of(scene, xyzi(scene[places.source]), points)
         for column, name in enumerate(("x", "y", "z", "intensity")):
-            added[name] = places.points[:, column]
-        if self.recipe == "stealthy" and (sensor := SensorGeometry.learnt([scene])):
-            added["ring"] = sensor.cells(added)[0]
+            added[name] = points[:, column]
+        added = as_measured(scene, added, scan_order_of(scene))
         adversarial = np.concatenate([cloud, added])
         loss_after, _ = look(detector, xyzi(np.concatenate([scene, added])), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note)

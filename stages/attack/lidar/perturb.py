@@ -17,6 +17,7 @@ from advpipe.pipeline.adversary.per_object_best import PerObjectBest
 from advpipe.pipeline.adversary.random_best import RandomBest
 from advpipe.pipeline.adversary.random_search import RandomSearch
 from advpipe.pipeline.adversary.targets import look
+from advpipe.pipeline.attack_detection.coordinate_grid import on_grid_of
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -206,6 +207,8 @@ class Perturb(LidarAttack):
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
 
+        if not self.constraints.along_ray:  # no place of a grid lies on the ray
+            moved = on_grid_of(scene, points, moved)
         adversarial = cloud.copy()
         for column, name in enumerate(("x", "y", "z", "intensity")):
             adversarial[name][finite] = moved[:, column]

@@ -56,6 +56,7 @@ class Flood(V2xAttack):
             for attacker, rng in self._rngs.items()
         }
         self._pseudonyms = 0
+        self._state_ns = context.start_ns
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
@@ -67,6 +68,7 @@ class Flood(V2xAttack):
         for attacker in self.context.attackers:
             radio = self.context.radio(step, attacker)
             if radio is not None and step.end_ns is not None:
+                self._state_ns = step.begin_ns  # of which stations state positions, whenever they send
                 self._prepare(step, radio, sent)
                 edited += self._flood_step(attacker, step.begin_ns, step.end_ns)
         self._remember(step, sent)
@@ -136,7 +138,8 @@ class Dos(Flood):
 class DosRandom(Flood):
     """Random positions within extent_m of the attacker, speeds up to speed_max_mps, headings, accelerations.
 
-    F2MD's DoS random draws places in the whole map and speeds up to 40 m/s.
+    All else is as in the attacker's own last CAM, so that no length tells. F2MD's DoS random draws places in
+    the whole map and speeds up to 40 m/s.
     """
 
     traits = V2xTraits(
@@ -158,6 +161,7 @@ class DosRandom(Flood):
         self._extent_m = checked_number(context.name, "extent_m", extent_m, 0, 20_000)
         self._speed_max_mps = checked_number(context.name, "speed_max_mps", speed_max_mps, 0, 163)
         self._base: tuple[CamTree, float, float] | None = None
+        self._own: dict[int, CamTree] = {}
         self._axes_deg = (0.0, 0.0)
 
     def _prepare(self, step: V2xStep, radio: RadioPlace, sent: Sequence[Sent]) -> None:
@@ -173,8 +177,15 @@ class DosRandom(Flood):
             length_m=4.5,
             width_m=1.8,
         )
-        self._base = cam_tree(base), latitude_deg, longitude_deg
+        self._base = self._own.get(radio.station_id, cam_tree(base)), latitude_deg, longitude_deg
         self._axes_deg = degrees_per_metre(latitude_deg, longitude_deg)
+
+    def _remember(self, step: V2xStep, sent: Sequence[Sent]) -> None:
+        for message in sorted(sent, key=lambda message: (message.request_ns, message.number)):
+            if message.station_id in self.context.attackers:
+                tree = self.context.cams.open(message.payload)
+                if tree is not None:
+                    self._own[message.station_id] = tree
 
     def _content(self, attacker: int, at_ns: int) -> CamTree | None:
         assert self._base is not None
@@ -183,7 +194,8 @@ class DosRandom(Flood):
         per_east_deg, per_north_deg = self._axes_deg
         return with_fields(
             tree,
-            generation_delta_time_ms=generation_delta_time_ms(at_ns),
+            station_id=self.context.identities.of(attacker),
+            generation_delta_time_ms=generation_delta_time_ms(self._state_ns),
             latitude_deg=latitude_deg + (2 * north - 1) * self._extent_m * per_north_deg,
             longitude_deg=longitude_deg + (2 * east - 1) * self._extent_m * per_east_deg,
             speed_mps=speed * self._speed_max_mps,
@@ -241,7 +253,7 @@ class DosDisruptive(Flood):
         return with_fields(
             tree,
             station_id=self.context.identities.of(attacker),
-            generation_delta_time_ms=generation_delta_time_ms(at_ns),
+            generation_delta_time_ms=generation_delta_time_ms(self._state_ns),
         )
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.labels.cloud_change import CloudChange
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS, read_point_labels
-from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED
+from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED
 from advpipe.pipeline.labels.quantities import cloud_quantities
 from advpipe.pipeline.labels.quantity import Quantity, Range, beyond_all
 from advpipe.pipeline.messages.cloud import Cloud
@@ -107,7 +107,7 @@ class Points(BagCheck):
 def label_differences(change: CloudChange) -> Iterator[str]:
     """Differences between the labels and the actual change between two clouds.
 
-    Points that were not removed keep their order; added points follow them.
+    Points that were not removed keep their order.
     """
     clean, adversarial, labels = change.clean, change.adversarial, change.labels
     removed, moved, added = (labels.action == action for action in ACTIONS)
@@ -124,7 +124,14 @@ def label_differences(change: CloudChange) -> Iterator[str]:
     if len(adversarial) != len(survivors) + int(added.sum()):
         yield "labels add or remove a different number of points than the cloud shows"
         return
-    old, new = survivors, adversarial[: len(survivors)]
+    places = labels.places(len(clean))[added]
+    if len(np.unique(places)) != len(places) or ((places < 0) | (places >= len(adversarial))).any():
+        yield "labels state an added point twice, or one that the adversarial cloud does not have"
+        return
+    old, new = change.survivors
+    if (labels.places(len(clean))[moved] != _places_of_kept(change)[labels.point[moved]]).any():
+        yield "labels state another place of a moved point than the cloud shows"
+        return
     is_other = _bytes(old) != _bytes(new)
     is_labelled = np.zeros(len(clean), dtype=bool)
     is_labelled[labels.point[moved]] = True
@@ -138,6 +145,17 @@ def label_differences(change: CloudChange) -> Iterator[str]:
     yield from _distances(change.added_distance_m, labels.displacement_m[added], ADDED)
     if np.isfinite(labels.displacement_m[removed]).any():
         yield "labels state a displacement for a removed point"
+
+
+def _places_of_kept(change: CloudChange) -> npt.NDArray[np.int64]:
+    """The index (N,) of each point of the clean cloud in the adversarial one, if it was not removed."""
+    labels = change.labels
+    kept, ours = np.ones(len(change.clean), bool), np.ones(len(change.adversarial), bool)
+    kept[labels.point[labels.action == REMOVED]] = False
+    ours[labels.places(len(change.clean))[labels.action == ADDED]] = False
+    places = np.full(len(change.clean), -1, np.int64)
+    places[kept] = np.flatnonzero(ours)
+    return places
 
 
 def _distances(

@@ -36,7 +36,7 @@ COMMANDS = (
         "share",
         "unpack",
     ),
-    *("figures", "inspect", "plot", "recover", "verify", "schema", "attacks", "clean", "check"),
+    *("figures", "inspect", "plot", "recover", "verify", "audit", "schema", "attacks", "clean", "check"),
 )
 PINNED = re.compile(r"duration_s|^--steps|^--cells")
 """Words that stay: without them, a command rightly takes minutes."""
@@ -47,6 +47,7 @@ GOOD = {
     "export": ["drive/cam", "--out", "new"],
     "inspect": ["drive/clean"],
     "verify": ["drive"],
+    "audit": ["drive"],
     "plot": ["drive", "--out", "new.png"],
     "attacks": ["detach"],
     "clean": ["drive"],

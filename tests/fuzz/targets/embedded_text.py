@@ -59,6 +59,7 @@ def _request(made: Callable[..., Any], spec: Callable[..., Any]) -> Any:
 CALLS: dict[str, Call] = {
     "inspect": _each(calls.inspect),
     "verify": calls.check,
+    "audit": calls.audited,
     "share": calls.shared,
     "run": campaign,
     "plot": _of("clean", calls.plot),
@@ -86,7 +87,7 @@ WHOLE = ["run", "share", "verify", "recover", "run", "verify"]
 
 def bag_of(call: str, drawn: str) -> str:
     """The bag that a call reads, where it reads one."""
-    if call in ("inspect", "verify", "share", "run", "recover"):
+    if call in ("inspect", "verify", "audit", "share", "run", "recover"):
         return drawn
     return "cam" if call == "export" else call.partition(" ")[2] or "clean"
 
