@@ -1,7 +1,7 @@
 """How well `advpipe investigate` names who lied: its tuning, and its evaluation on other drives.
 
     python benchmarks/investigate.py tune FOLDER        # records and attacks, 25 min on two cores; then 1 min
-    python benchmarks/investigate.py evaluate FOLDER    # as long; coordinated drives, 20 min; an hour clean, 1 h
+    python benchmarks/investigate.py evaluate FOLDER    # as long; coordinated 20 min; clean 1 h
 
 Both record what FOLDER lacks. `tune` writes `stages/investigate/calibration.json`. `evaluate` prints, of each
 attack, how many lies were named, how late, and how far off their start is; the same of coordinated drives;
@@ -68,22 +68,37 @@ SLACK_NS = 2_000_000_000
 
 def tune(folder: Path) -> Calibration:
     """Limits from clean drives; weights by logistic regression on the suspects of all drives."""
-    clean = [recorded(folder, site) for site in TUNING]
-    bags = [bag for site in TUNING[:2] for bag in attacked(folder, site, ATTACKS)]
+    clean = [(cued_readings(recorded(folder, site)), set[Suspect]()) for site in TUNING]
+    bags = [
+        (cued_readings(bag), {lie.suspect for lie in true_lies(bag)})
+        for site in TUNING[:2]
+        for bag in attacked(folder, site, ATTACKS)
+    ]
+    return tuned(clean, bags)
+
+
+Judged = tuple[Sequence[CuedReading], set[Suspect]]
+"""What the cues read in a bag, and who lies in it."""
+
+
+def tuned(clean: Sequence[Judged], attacked_bags: Sequence[Judged]) -> Calibration:
+    """The calibration for bags whose liars are known."""
     values = defaultdict(list)
-    for bag in clean:
-        for cue, reading in cued_readings(bag):
+    for readings, _ in clean:
+        for cue, reading in readings:
             values[cue].append(reading.value)
     limits = {
         name: max(MARGIN * float(np.quantile(values[name], CLEAN_QUANTILE)) if values[name] else 0.0, least)
         for name, least in LEAST.items()
     }
-    start = Calibration({name: CueCalibration(limit, 1.0) for name, limit in limits.items()}, -12.0, 2.0)
+    sharpness = {name: _sharpness(values[name]) for name in LEAST}
+    start = Calibration(
+        {name: CueCalibration(limit, 1.0, sharpness[name]) for name, limit in limits.items()}, -12.0, 2.0
+    )
     features, lied = [], []
-    for bag in [*clean, *bags]:
-        lies = {lie.suspect for lie in true_lies(bag)}
+    for readings, lies in [*clean, *attacked_bags]:
         suspicion = Suspicion(start)
-        for cue, reading in cued_readings(bag):
+        for cue, reading in readings:
             if not (GNSS in lies and reading.suspect not in lies and cue in RELYING):
                 suspicion.add(cue, reading)
         for suspect, record in suspicion.records.items():
@@ -91,10 +106,16 @@ def tune(folder: Path) -> Calibration:
             lied.append(suspect in lies)
     weights, intercept = logistic(np.array(features), np.array(lied))
     cues = {
-        name: CueCalibration(round(limits[name], 4), round(float(weight), 4))
+        name: CueCalibration(round(limits[name], 4), round(float(weight), 4), round(sharpness[name], 2))
         for name, weight in zip(CUES, weights, strict=True)
     }
     return replace(start, cues=cues, intercept=round(intercept, 4), alarm_probability=0.5)
+
+
+def _sharpness(values: Sequence[float]) -> float:
+    """1 where the highest honest readings are twice the middle one or more, up to 6 where they are alike."""
+    middle, high = np.quantile(values, [0.5, CLEAN_QUANTILE]) if values else (0.0, 1.0)
+    return float(np.clip(0.7 / np.log(high / middle), 1.0, 6.0)) if high > middle > 0 else 1.0
 
 
 def logistic(features: np.ndarray, lied: np.ndarray) -> tuple[np.ndarray, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -18,10 +18,12 @@ FILE = "calibration.json"
 
 @dataclass(frozen=True)
 class CueCalibration:
-    """limit: what few readings of honest ones exceed. weight: of the cue's score in the log odds."""
+    """limit: what few readings of honest ones exceed. weight: of the cue's score in the log odds. sharpness:
+    how much a ratio to the limit says; the more, the less honest readings spread."""
 
     limit: float
     weight: float
+    sharpness: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,11 @@ class Calibration:
     ceiling: float = 8.0
 
     def step(self, cue: str, value: float) -> float:
-        """What a reading adds to the score of its cue: the logarithm of its ratio to the limit, bounded."""
-        limit = self.cues[cue].limit
-        ratio = value / limit
-        return min(max(math.log(ratio), -self.least), self.most) if ratio > 0 else -self.least
+        """What a reading adds to the score of its cue: the logarithm of its ratio to the limit, sharpened and
+        bounded."""
+        one = self.cues[cue]
+        ratio = value / one.limit
+        return min(max(one.sharpness * math.log(ratio), -self.least), self.most) if ratio > 0 else -self.least
 
     def probability(self, scores: Mapping[str, float]) -> float:
         """That somebody with these scores by cue lies."""
@@ -50,7 +53,7 @@ class Calibration:
 
     def without(self, cue: str) -> Calibration:
         """The same deaf to one cue, for ablations."""
-        cues = {**self.cues, cue: CueCalibration(self.cues[cue].limit, 0.0)}
+        cues = {**self.cues, cue: replace(self.cues[cue], weight=0.0)}
         return Calibration(**{**vars(self), "cues": cues})
 
     def to_plain(self) -> dict[str, Any]:

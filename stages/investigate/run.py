@@ -37,8 +37,8 @@ def investigate(
     """Who lied in a bag: each sensor and station with a probability, when it began, and the evidence.
 
     One pass over the allowed topics (`evidence_topics.py`), of which memory holds a tenth of a second.
-    vehicle: whose evidence it is; `ego` or the only one without it. calibration: another than the shipped one. Raises
-    AdvpipeError for a bag that cannot be read, and UsageError for one with nothing to judge.
+    vehicle: whose evidence it is; `ego` or the only one without it. calibration: instead of the shipped one.
+    Raises AdvpipeError for a bag that cannot be read, and UsageError for one with nothing to judge.
     """
     reader = BagReader(resolve_bag(path))
     topics = find_evidence(reader, vehicle)

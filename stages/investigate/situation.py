@@ -55,9 +55,9 @@ class HeardClaim(NamedTuple):
 class Situation:
     """One period of `observed`, decoded.
 
-    pose: the newest estimate of the vehicle's own pose. claims: of the CAMs that arrived, in that order.
-    heard: the objects in the CPMs that arrived. around: the newest claim of each station, `FRESH_S` old at
-    most. geodesy: None while no place on the Earth is known.
+    pose: the newest estimate of the vehicle's own pose; earlier: the one of the period before. claims: of the
+    CAMs that arrived, in that order. heard: the objects in the CPMs that arrived. around: the newest claim of
+    each station, `FRESH_S` old at most. geodesy: None while no place on the Earth is known.
     """
 
     time_ns: int
@@ -68,6 +68,21 @@ class Situation:
     around: Mapping[int, Claim] = field(default_factory=dict)
     scans: tuple[JudgedScan, ...] = ()
     geodesy: Geodesy | None = None
+    earlier: ObservedPose | None = None
+
+    def map_SE3_base(self, time_ns: int) -> Float64 | None:
+        """The estimate at a time: between the last two, where it lies between them; None without any."""
+        if (
+            self.pose is None
+            or self.earlier is None
+            or not self.earlier.time_ns < time_ns < self.pose.time_ns
+        ):
+            return None if self.pose is None else self.pose.map_SE3_base
+        share = (time_ns - self.earlier.time_ns) / (self.pose.time_ns - self.earlier.time_ns)
+        nearer = self.pose if share >= 0.5 else self.earlier
+        found: Float64 = nearer.map_SE3_base.copy()
+        found[:3, 3] = (1 - share) * self.earlier.map_SE3_base[:3, 3] + share * self.pose.map_SE3_base[:3, 3]
+        return found
 
     @property
     def receiver(self) -> ReceivingVehicle:
@@ -100,10 +115,11 @@ class Background:
 
 def read_situations(reader: BagReader, topics: EvidenceTopics, known: Background) -> Iterator[Situation]:
     """Yield the situations of a bag in time order; one at a time is in memory."""
-    decoder, pose = _Decoder(known), None
+    decoder = _Decoder(known)
+    pose: ObservedPose | None = None
     lidars = _Lidars(reader)
     for observed in read_observations(reader, topics):
-        pose = observed.poses[-1] if observed.poses else pose
+        earlier, pose = pose, observed.poses[-1] if observed.poses else pose
         claims, heard = decoder.decoded(observed.packets)
         yield Situation(
             observed.time_ns,
@@ -114,6 +130,7 @@ def read_situations(reader: BagReader, topics: EvidenceTopics, known: Background
             decoder.around(observed.time_ns),
             tuple(lidars.judged(scan) for scan in observed.scans),
             decoder.geodesy,
+            earlier,
         )
 
 

@@ -52,13 +52,11 @@ class FreeSpaceCue(Cue):
     meaning = "claimed vehicles against what LiDARs see through"
 
     def judge(self, situation: Situation) -> Iterator[CueReading]:
-        if situation.pose is None:
-            return
-        base_SE3_map = invert(situation.pose.map_SE3_base)
         for scan in situation.scans:
-            if scan.base_SE3_lidar is None or not len(scan.points_m):
+            map_SE3_base = situation.map_SE3_base(scan.time_ns)
+            if map_SE3_base is None or scan.base_SE3_lidar is None or not len(scan.points_m):
                 continue
-            found = list(_candidates(situation, scan, base_SE3_map))
+            found = list(_candidates(situation, scan, invert(map_SE3_base)))
             if not found:
                 continue
             height_m = scan.base_points_m[:, 2]

@@ -23,7 +23,7 @@ FLOOR_M = 0.1
 
 
 class _Mark(NamedTuple):
-    """A fix on the map, the pose of dead reckoning at it, the way driven so far, and the estimated heading."""
+    """A fix on the map, the pose of dead reckoning at it, the way driven, and the estimated heading."""
 
     time_ns: int
     fix_m: tuple[float, float]

@@ -25,6 +25,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
     "plot": (["plot", "plain", "-o", "{out}/p\x1b.png"], "picture"),
     "recover": (["recover", "{drive}", "-o", "{out}/c\x1b"], "messages"),
     "verify": (["verify", "{drive}"], "findings"),
+    "investigate": (["investigate", "{drive}"], "suspects"),
     "share": (["share", "plain", "-o", "{out}/shared"], "files"),
     "clean": (["clean", "{drive}"], "leftovers"),
     "schema": (["schema", "-o", "{out}/schema\x1b"], "schema"),
@@ -75,7 +76,7 @@ def test_every_command_is_here() -> None:
     assert RESULTS.keys() | REFUSED.keys() >= COMMANDS.keys()
 
 
-GOOD = {"verify": (0, 1)}
+GOOD = {"verify": (0, 1), "investigate": (0, 1)}
 """Exit codes: the hostile copy is not what its labels are of."""
 
 SLOW = ("attack", "evaluate", "run", "train", "sweep")

@@ -41,6 +41,7 @@ FIRST_WORDS = {
     "relay": (["--attack", "d", "--ros2", "--domain", "9"], "relaying by d ..."),
     "recover": (["d"], "recovering d ..."),
     "verify": (["d"], "verifying d ..."),
+    "investigate": (["d"], "investigating d ..."),
     "check": (["carla"], "checking carla ..."),
 }
 
