@@ -23,7 +23,8 @@ def anchored_geodesy(reader: BagReader, topics: EvidenceTopics) -> Geodesy | Non
     but tells what no vehicle knows, too, so that it is not read. An offset that the fixes have from the
     beginning is taken for the map's, and seen by no cue.
     """
-    fixes, places = [], []
+    fixes: list[Float64] = []
+    places: list[Float64 | None] = []
     first_ns: int | None = None
     for observed in read_observations(reader, topics):
         first_ns = observed.time_ns if first_ns is None else first_ns

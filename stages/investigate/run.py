@@ -114,8 +114,13 @@ def _episode(one: LyingEpisode, calibration: Calibration, start_ns: int) -> Epis
         if cue in one.cue_share
         for reading in both
     }
+    start_s, alarm_s, end_s = (
+        _rounded((each_ns - start_ns) / 1e9) for each_ns in (one.start_ns, one.alarm_ns, one.end_ns)
+    )
     return EpisodeRow(
-        *(_rounded((each_ns - start_ns) / 1e9) for each_ns in (one.start_ns, one.alarm_ns, one.end_ns)),
+        start_s,
+        alarm_s,
+        end_s,
         _rounded(one.probability),
         tuple(sorted(rows, key=lambda row: (row.time_s, row.cue))),
     )
