@@ -43,7 +43,7 @@ from advpipe.stages.investigate.calibration import Calibration, CueCalibration, 
 from advpipe.stages.investigate.cue import GNSS, Suspect
 from advpipe.stages.investigate.registry import CUES
 from advpipe.stages.investigate.run import RELYING, investigate
-from advpipe.stages.investigate.suspicion import SuspectRecord, Suspicion
+from advpipe.stages.investigate.suspicion import CumulativeSuspicion, SuspectRecord
 
 LEAST: Mapping[str, float] = {
     "cam-plausibility": 1.2,
@@ -97,7 +97,7 @@ def tuned(clean: Sequence[Judged], attacked_bags: Sequence[Judged]) -> Calibrati
     )
     features, lied = [], []
     for readings, lies in [*clean, *attacked_bags]:
-        suspicion = Suspicion(start)
+        suspicion = CumulativeSuspicion(start)
         for cue, reading in readings:
             if not (GNSS in lies and reading.suspect not in lies and cue in RELYING):
                 suspicion.add(cue, reading)
@@ -161,7 +161,7 @@ class BagOutcome:
 
 def outcome(readings: Sequence[CuedReading], lies: Sequence[TrueLie], calibration: Calibration) -> BagOutcome:
     """Replay the readings of a bag."""
-    suspicion = Suspicion(calibration, RELYING)
+    suspicion = CumulativeSuspicion(calibration, RELYING)
     for cue, reading in readings:
         suspicion.add(cue, reading)
     named = dict(suspicion.named()[0])

@@ -22,7 +22,7 @@ from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.investigate.cue import GNSS, CueReading, Suspect, station
 from advpipe.stages.investigate.evidence_topics import find_evidence
 from advpipe.stages.investigate.registry import CUES
-from advpipe.stages.investigate.situation import Background, read_situations
+from advpipe.stages.investigate.situation import PriorKnowledge, read_situations
 
 VEHICLE = "ego"
 FROM_S, TO_S = 5.0, 12.0
@@ -212,7 +212,7 @@ def cued_readings(bag: Path) -> list[CuedReading]:
         return pickle.loads(cache.read_bytes())
     reader = BagReader(bag)
     topics = find_evidence(reader, VEHICLE)
-    background = Background.of(reader, topics)
+    background = PriorKnowledge.of(reader, topics)
     cues = {name: cue(background) for name, cue in CUES.items() if all(map(topics.has, cue.needs))}
     found = [
         (name, reading._replace(picture=None))

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 
 class Suspect(NamedTuple):
@@ -64,7 +64,7 @@ class Cue(ABC):
     relies_on_own_place: ClassVar[bool] = False
     meaning: ClassVar[str]
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         self._background = background
 
     @abstractmethod

@@ -22,8 +22,8 @@ from advpipe.stages.investigate.investigation import (
 )
 from advpipe.stages.investigate.observations import PERIOD_NS
 from advpipe.stages.investigate.registry import CUES
-from advpipe.stages.investigate.situation import Background, read_situations
-from advpipe.stages.investigate.suspicion import LyingEpisode, SuspectRecord, Suspicion
+from advpipe.stages.investigate.situation import PriorKnowledge, read_situations
+from advpipe.stages.investigate.suspicion import CumulativeSuspicion, LyingEpisode, SuspectRecord
 
 __all__ = ["investigate"]
 
@@ -43,18 +43,18 @@ def investigate(
     reader = BagReader(resolve_bag(path))
     topics = find_evidence(reader, vehicle)
     chosen = calibration or shipped_calibration()
-    suspicion = Suspicion(chosen, RELYING)
-    readings, span_ns = judge_all(reader, topics, suspicion)
+    suspicion = CumulativeSuspicion(chosen, RELYING)
+    readings, span_ns = judge_drive(reader, topics, suspicion)
     if not sum(readings.values()):
         raise UsageError(f"{reader.path} has nothing to judge: no cue found two things to compare")
     return _answer(topics, chosen, suspicion, readings, span_ns)
 
 
-def judge_all(
-    reader: BagReader, topics: EvidenceTopics, suspicion: Suspicion
+def judge_drive(
+    reader: BagReader, topics: EvidenceTopics, suspicion: CumulativeSuspicion
 ) -> tuple[Counter[str], tuple[int, int]]:
     """Let all cues judge a bag; returns how many readings each gave, and when the drive began and ended."""
-    background = Background.of(reader, topics)
+    background = PriorKnowledge.of(reader, topics)
     present = {name: cue(background) for name, cue in CUES.items() if all(map(topics.has, cue.needs))}
     counts: Counter[str] = Counter()
     first_ns = last_ns = 0
@@ -72,7 +72,7 @@ def judge_all(
 def _answer(
     topics: EvidenceTopics,
     calibration: Calibration,
-    suspicion: Suspicion,
+    suspicion: CumulativeSuspicion,
     readings: Counter[str],
     span_ns: tuple[int, int],
 ) -> Investigation:

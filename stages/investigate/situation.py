@@ -94,7 +94,7 @@ class Situation:
 
 
 @dataclass(frozen=True)
-class Background:
+class PriorKnowledge:
     """What the vehicle knew before it set out. initial: None where the bag does not say where it started."""
 
     geodesy: Geodesy | None
@@ -102,7 +102,7 @@ class Background:
     initial: InitialPose | None
 
     @classmethod
-    def of(cls, reader: BagReader, topics: EvidenceTopics) -> Background:
+    def of(cls, reader: BagReader, topics: EvidenceTopics) -> PriorKnowledge:
         """That of a bag. Raises AdvpipeError for damaged topics."""
         has_lanes = topics.has(EvidenceKind.LANES)
         has_initial = topics.has(EvidenceKind.INITIAL_POSE)
@@ -113,7 +113,7 @@ class Background:
         )
 
 
-def read_situations(reader: BagReader, topics: EvidenceTopics, known: Background) -> Iterator[Situation]:
+def read_situations(reader: BagReader, topics: EvidenceTopics, known: PriorKnowledge) -> Iterator[Situation]:
     """Yield the situations of a bag in time order; one at a time is in memory."""
     decoder = _Decoder(known)
     pose: ObservedPose | None = None
@@ -154,7 +154,7 @@ class _Lidars:
 class _Decoder:
     """Decodes received packets, and remembers the newest claim of each station."""
 
-    def __init__(self, known: Background) -> None:
+    def __init__(self, known: PriorKnowledge) -> None:
         self.geodesy, self._roads = known.geodesy, known.roads
         self._newest: dict[int, Claim] = {}
 

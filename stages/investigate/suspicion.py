@@ -69,7 +69,7 @@ class SuspectRecord:
     is_lying: bool = False
 
 
-class Suspicion:
+class CumulativeSuspicion:
     """Keeps the record of each suspect, of which memory stays flat. relying: names of the cues that a false
     GNSS makes contradict honest stations; while the GNSS lies, they are not heard.
 

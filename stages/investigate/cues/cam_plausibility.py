@@ -9,7 +9,7 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorCon
 from advpipe.pipeline.misbehaviour.detector import OnlineDetector
 from advpipe.stages.investigate.cue import Cue, CueReading, station
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 LEFT_OUT = frozenset({"branch", "overlap", "appearance", "range"})
 """The first only repeats an earlier verdict; the others depend on who else lies, or on the own place."""
@@ -23,7 +23,7 @@ class CamPlausibilityCue(Cue):
     needs = (EvidenceKind.MESSAGES,)
     meaning = "CAMs against themselves and against the map"
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._detector = OnlineDetector(DetectorConfig())
 

@@ -9,7 +9,7 @@ from advpipe.pipeline.misbehaviour.claim import Claim
 from advpipe.pipeline.misbehaviour.config import THRESHOLDS, DetectorConfig
 from advpipe.stages.investigate.cue import Cue, CueReading, station
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 MEMORY_S = 30.0
 """A station that was silent for longer is new again."""
@@ -25,7 +25,7 @@ class CamSurroundingsCue(Cue):
     relies_on_own_place = True
     meaning = "CAMs against other stations and the vehicle's own place"
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._config = DetectorConfig()
         self._counts: dict[int, int] = {}

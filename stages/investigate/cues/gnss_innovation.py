@@ -15,7 +15,7 @@ from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.stages.investigate.cue import GNSS, Cue, CueReading
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
 from advpipe.stages.investigate.observations import Observations
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 MOST = 1e3
 
@@ -30,7 +30,7 @@ class GnssInnovationCue(Cue):
     needs = (EvidenceKind.FIXES, EvidenceKind.WHEELS, EvidenceKind.IMU, EvidenceKind.INITIAL_POSE)
     meaning = "GNSS fixes against a filter of wheels, IMU and earlier fixes"
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._estimator: Estimator | None = None
         if background.geodesy is not None and background.initial is not None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.stages.investigate.cue import GNSS, Cue, CueReading
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 AVERAGED = 5
 """Fixes whose mean place is compared: half a second, so that white noise matters less."""
@@ -23,7 +23,7 @@ class GnssLanesCue(Cue):
     needs = (EvidenceKind.FIXES, EvidenceKind.LANES, EvidenceKind.WHEELS)
     meaning = "GNSS fixes against the lanes of the map"
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._places_m: list[tuple[float, float]] = []
 

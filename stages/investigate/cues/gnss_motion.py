@@ -14,7 +14,7 @@ from advpipe.pipeline.localisation.section import GnssSensor, WheelOdometrySenso
 from advpipe.stages.investigate.cue import GNSS, Cue, CueReading
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
 from advpipe.stages.investigate.observations import Observations
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 WINDOWS_S = (1.0, 3.0, 10.0)
 HEADING_RAD = 0.02
@@ -44,7 +44,7 @@ class GnssMotionCue(Cue):
     needs = (EvidenceKind.FIXES, EvidenceKind.WHEELS, EvidenceKind.ESTIMATE)
     meaning = "the way between fixes against the way of wheels and gyroscope"
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._marks: deque[_Mark] = deque()
         self._x_m = self._y_m = self._yaw_rad = self._way_m = 0.0

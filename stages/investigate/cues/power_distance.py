@@ -11,7 +11,7 @@ import numpy as np
 from advpipe.pipeline.misbehaviour.checks import claimed_range_m
 from advpipe.stages.investigate.cue import Cue, CueReading, station
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
-from advpipe.stages.investigate.situation import Background, Situation
+from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 FREE_SPACE_DB = 47.86
 """Loss of free space at one metre and 5.9 GHz."""
@@ -34,7 +34,7 @@ class PowerDistanceCue(Cue):
     relies_on_own_place = True
     meaning = "power of received messages against claimed distances"
 
-    def __init__(self, background: Background) -> None:
+    def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._all: deque[float] = deque(maxlen=REFERENCE)
         self._stations: dict[int, deque[float]] = {}

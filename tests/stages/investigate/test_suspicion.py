@@ -9,7 +9,7 @@ import pytest
 from advpipe.stages.investigate.calibration import Calibration, CueCalibration, shipped_calibration
 from advpipe.stages.investigate.cue import GNSS, CueReading, station
 from advpipe.stages.investigate.registry import CUES
-from advpipe.stages.investigate.suspicion import FORGET_S, Suspicion
+from advpipe.stages.investigate.suspicion import FORGET_S, CumulativeSuspicion
 
 SIMPLE = Calibration({"a": CueCalibration(2.0, 1.0), "b": CueCalibration(1.0, 2.0)}, -2.999, half_life_s=1e9)
 
@@ -26,7 +26,7 @@ def test_a_reading_adds_the_logarithm_of_its_ratio_within_bounds() -> None:
 
 def test_the_alarm_comes_when_the_evidence_outweighs_the_prior() -> None:
     """Three nats speak against anybody's lying: two readings of cue a add 1.5 each."""
-    suspicion = Suspicion(SIMPLE)
+    suspicion = CumulativeSuspicion(SIMPLE)
     suspicion.add("a", reading(1.0, 0.0))
     suspicion.add("a", reading(2.0, 100.0))
     assert suspicion.named() == ([], [])
@@ -41,7 +41,7 @@ def test_the_alarm_comes_when_the_evidence_outweighs_the_prior() -> None:
 
 def test_evidence_fades_and_an_episode_ends() -> None:
     calibration = Calibration(SIMPLE.cues, -2.0, half_life_s=1.0, ceiling=3.0)
-    suspicion = Suspicion(calibration)
+    suspicion = CumulativeSuspicion(calibration)
     for time_s in (1.0, 1.1, 1.2):
         suspicion.add("b", reading(time_s, 100.0))
     record = suspicion.records[station(7)]
@@ -52,7 +52,7 @@ def test_evidence_fades_and_an_episode_ends() -> None:
 
 
 def test_a_false_gnss_explains_what_depends_on_the_own_place() -> None:
-    suspicion = Suspicion(SIMPLE, relying={"b"})
+    suspicion = CumulativeSuspicion(SIMPLE, relying={"b"})
     for time_s in (1.0, 1.1, 1.2):
         suspicion.add("b", reading(time_s, 100.0, who=7))
         suspicion.add("a", reading(time_s, 100.0, who=8))
@@ -66,7 +66,7 @@ def test_a_false_gnss_explains_what_depends_on_the_own_place() -> None:
 
 
 def test_a_flood_of_stations_is_forgotten() -> None:
-    suspicion = Suspicion(SIMPLE)
+    suspicion = CumulativeSuspicion(SIMPLE)
     for number in range(20_000):
         suspicion.add("a", reading(number / 100, 0.0, who=number))
     assert suspicion.seen == 20_000
