@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from advpipe.commands.evaluate import evaluate as evaluate
     from advpipe.commands.grid import grid as grid
     from advpipe.commands.import_drive import import_drive as import_drive
+    from advpipe.commands.investigate import investigate as investigate
     from advpipe.commands.play import play as play
     from advpipe.commands.relay import relay as relay
     from advpipe.commands.simulate import simulate as simulate
@@ -121,6 +122,7 @@ if TYPE_CHECKING:
     from advpipe.stages.attack.v2x.falsification import OwnMessage as OwnMessage
     from advpipe.stages.attack.v2x.falsification import PositionFalsification as PositionFalsification
     from advpipe.stages.evaluate.report.report import Report as Report
+    from advpipe.stages.investigate.investigation import Investigation as Investigation
     from advpipe.stages.play.summary import PlaySummary as PlaySummary
     from advpipe.stages.simulate.bodies import Variant as Variant
     from advpipe.stages.simulate.network.protocol import Network as Network
@@ -144,6 +146,7 @@ _NAMES_OF = {
     "commands.evaluate": ("evaluate",),
     "commands.grid": ("grid",),
     "commands.import_drive": ("import_drive",),
+    "commands.investigate": ("investigate",),
     "commands.play": ("play",),
     "commands.relay": ("relay",),
     "commands.simulate": ("simulate",),
@@ -206,6 +209,7 @@ _NAMES_OF = {
     "stages.attack.v2x.cams": ("field_of", "with_fields"),
     "stages.attack.v2x.falsification": ("Falsification", "OwnMessage", "PositionFalsification"),
     "stages.evaluate.report.report": ("Report",),
+    "stages.investigate.investigation": ("Investigation",),
     "stages.play.summary": ("PlaySummary",),
     "stages.simulate.network.protocol": ("Network", "NetworkStep"),
     "stages.simulate.bodies": ("Variant",),

@@ -21,6 +21,7 @@ from advpipe.pipeline.cli.export import export
 from advpipe.pipeline.cli.figures import figures_command
 from advpipe.pipeline.cli.grid import grid_command
 from advpipe.pipeline.cli.import_ import import_command
+from advpipe.pipeline.cli.investigate import investigate_command
 from advpipe.pipeline.cli.one_line_errors import OneLineErrors
 from advpipe.pipeline.cli.play import play_command
 from advpipe.pipeline.cli.relay import relay_command
@@ -72,6 +73,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "check": check_command,
     "verify": verify_command,
     "audit": audit_command,
+    "investigate": investigate_command,
     "schema": schema_command,
 }
 for name, command in COMMANDS.items():

@@ -19,10 +19,10 @@ from advpipe.pipeline.campaigns.grid.score import RANGES
 from advpipe.pipeline.campaigns.grid.statistics import LEAST_DRIVES, GridGroup, groups_of_cells
 from advpipe.pipeline.campaigns.sweep.document import TEMPLATE
 from advpipe.pipeline.core.atomic_file import write_atomically
+from advpipe.pipeline.core.html_page import rendered
 from advpipe.pipeline.core.section import leaves
 from advpipe.pipeline.core.text import counted
 from advpipe.stages.evaluate.report.numbers import formatted_number, with_interval
-from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.report import FORMULAS
 from advpipe.stages.evaluate.report.section import Table
 

@@ -25,8 +25,8 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     table_two,
 )
 from advpipe.pipeline.core.atomic_file import write_atomically
+from advpipe.pipeline.core.html_page import rendered
 from advpipe.pipeline.results.deprecated import with_deprecated_keys
-from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.pictures import to_png
 from advpipe.stages.evaluate.report.report import FORMULAS
 from advpipe.stages.evaluate.report.section import OVERVIEW, ReportPicture, Table

@@ -11,6 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from advpipe.pipeline.core.html_page import rendered
 from advpipe.pipeline.core.text import escape_unprintable
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.results.evaluation import plain_value
@@ -26,7 +27,6 @@ from advpipe.stages.evaluate.report.clean import (
 from advpipe.stages.evaluate.report.headline import FirstScreen, first_screen
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.outcomes import outcomes_table
-from advpipe.stages.evaluate.report.page import rendered
 from advpipe.stages.evaluate.report.page_table import shown_table
 from advpipe.stages.evaluate.report.pictures import WORST
 from advpipe.stages.evaluate.report.report import Report

@@ -26,6 +26,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
     "recover": (["recover", "{drive}", "-o", "{out}/c\x1b"], "messages"),
     "verify": (["verify", "{drive}"], "findings"),
     "audit": (["audit", "{drive}"], "findings"),
+    "investigate": (["investigate", "{drive}"], "suspects"),
     "share": (["share", "plain", "-o", "{out}/shared"], "files"),
     "clean": (["clean", "{drive}"], "leftovers"),
     "schema": (["schema", "-o", "{out}/schema\x1b"], "schema"),
@@ -76,7 +77,7 @@ def test_every_command_is_here() -> None:
     assert RESULTS.keys() | REFUSED.keys() >= COMMANDS.keys()
 
 
-GOOD = {"verify": (0, 1), "audit": (0, 1)}
+GOOD = {"verify": (0, 1), "audit": (0, 1), "investigate": (0, 1)}
 """Exit codes: the hostile copy is not what its labels are of."""
 
 SLOW = ("attack", "evaluate", "run", "train", "sweep")

@@ -42,6 +42,7 @@ FIRST_WORDS = {
     "recover": (["d"], "recovering d ..."),
     "verify": (["d"], "verifying d ..."),
     "audit": (["d"], "auditing d ..."),
+    "investigate": (["d"], "investigating d ..."),
     "check": (["carla"], "checking carla ..."),
 }
 

@@ -33,6 +33,7 @@ NO_FIGURE = {
     "pipeline/core/errors.py",
     "pipeline/core/figure.py",
     "pipeline/core/hashing.py",
+    "pipeline/core/html_page.py",
     "pipeline/core/option_names.py",
     "pipeline/core/implementation.py",
     "pipeline/core/job_engine.py",

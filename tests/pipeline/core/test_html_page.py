@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from jinja2 import UndefinedError
 
-from advpipe.stages.evaluate.report.page import rendered
+from advpipe.pipeline.core.html_page import rendered
 
 
 def test_text_of_others_is_neither_html_nor_obeyed_by_a_terminal() -> None:

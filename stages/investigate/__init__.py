@@ -1,0 +1,1 @@
+"""Which sensor or station lied, told from what the vehicle itself had."""

@@ -1,0 +1,1 @@
+"""The cues: what speaks against a sensor or a station."""
