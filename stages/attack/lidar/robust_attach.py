@@ -46,5 +46,8 @@ class RobustAttachProblem(AttachProblem):
         ]
         weights = self.objective.weights(found, views)[:, self.places.owner[self._pool]]
         gain = (weights * [of_view for _, of_view in seen]).mean(axis=0)
-        self._gain[self._pool] = gain * np.exp(-((self.places.distance_m[self._pool] / self.decay_m) ** 2))
+        gain *= np.exp(-((self.places.distance_m[self._pool] / self.decay_m) ** 2))
+        before, momentum = self._gain[self._pool], self.objective.expectation.momentum
+        before = np.where(np.isfinite(before), before, gain)  # of new places
+        self._gain[self._pool] = momentum * before + (1 - momentum) * gain
         return self.objective.expected(found, views)

@@ -38,10 +38,13 @@ class RobustDetachProblem(DetachProblem):
             self._detected(view) if each is None else each
             for (each, _, _), view in zip(seen, views, strict=True)
         ]
+        before, weights = self._gain.copy(), self.objective.weights(found, views)
+        momentum = self.objective.expectation.momentum if before.any() else 0.0
         self._gain[:] = 0
-        for view, (_, gain, _), weight in zip(views, seen, self.objective.weights(found, views), strict=True):
+        for view, (_, gain, _), weight in zip(views, seen, weights, strict=True):
             shown = left[view.source]
             self._gain[shown] += gain * np.append(weight, 0.0)[self.owner[shown]]
+        self._gain[left] = momentum * before[left] + (1 - momentum) * self._gain[left]
         self._group[left] = seen[0][2]  # the first view is of the points as they are
         return self.objective.expected(found, views)
 

@@ -1,4 +1,4 @@
-"""Moves of points that hold in expectation over transformations: the recipe `robust` of `perturb`.
+"""Moves of points that hold in expectation over transformations: `robust` and `transfer` of `perturb`.
 
 A crossing of one voxel face survives neither a sub-voxel shift nor a mirror image. So each point has 26 fixed
 displacements, by its whole reach. The gain of each is a mean over draws of the transformations: of the
@@ -50,12 +50,13 @@ class RobustSearch:
         rules: Rules,
         owner: Int64,
         reach_m: float,
+        expectation: Expectation,
         rng: np.random.Generator,
     ) -> None:
         """rules: which points may move, and where to. owner: (N,) the object or decoy that each belongs to;
-        points with -1 stay. reach_m: how far a point may move."""
+        points with -1 stay. reach_m: how far a point may move. expectation: the transformations."""
         self.points, self.goal, self.detector, self.rules, self.rng = points, goal, detector, rules, rng
-        self.expectation = Expectation.of_defences(points)
+        self.expectation = expectation
         self.focus = Focus(points, goal.regions)
         self.movable = np.flatnonzero((owner >= 0) & rules.allowed)
         self.owner = owner
