@@ -19,6 +19,7 @@ from advpipe.pipeline.detector.protocol import (
     VoxelGrid,
 )
 from advpipe.pipeline.geometry.iou import iou_bev
+from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -127,7 +128,10 @@ class DetectorEnsemble:
 
 
 class VoxelEnsemble(DetectorEnsemble):
-    """An ensemble of detectors on voxels, itself a `VoxelDetector`; see `joint_occupancy_loss`."""
+    """An ensemble of detectors on voxels, itself a `VoxelDetector`; see `joint_occupancy_loss`.
+
+    Its passes tell what is found, even if that takes some members a pass more.
+    """
 
     def __init__(self, members: Sequence[VoxelDetector]) -> None:
         super().__init__(members)
@@ -146,9 +150,11 @@ class VoxelEnsemble(DetectorEnsemble):
             each.occupancy_loss(points, *self._targets(number, boxes, labels), probes)
             for number, each in enumerate(self._voxel_members)
         ]
-        found = [each.found for each in computed if each.found is not None]
-        together = self._joined(found) if len(found) == len(computed) else None
-        return replace(joint_occupancy_loss(computed, points), found=together)
+        found = [
+            member.detect(cloud_of_xyzi(points.detach().cpu().numpy())) if each.found is None else each.found
+            for member, each in zip(self.members, computed, strict=True)
+        ]
+        return replace(joint_occupancy_loss(computed, points), found=self._joined(found))
 
 
 def ensemble_of(members: Sequence[ObjectDetector]) -> DetectorEnsemble:

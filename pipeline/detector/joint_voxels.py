@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -10,7 +11,15 @@ from torch import Tensor
 from advpipe.pipeline.detector.protocol import OccupancyLoss
 
 
-def joint_occupancy_loss(computed: Sequence[OccupancyLoss], points: Tensor) -> OccupancyLoss:
+@dataclass(frozen=True)
+class JointOccupancyLoss(OccupancyLoss):
+    """The result of `joint_occupancy_loss`. of_members: (E, V), the gradients of the members' losses to the
+    occupancy, of which that of the loss is the mean; zeros where none is wanted."""
+
+    of_members: Tensor = field(default_factory=lambda: torch.zeros(0, 0))
+
+
+def joint_occupancy_loss(computed: Sequence[OccupancyLoss], points: Tensor) -> JointOccupancyLoss:
     """What several detectors computed for the same points (N, 4) and probe points, as of one.
 
     Its voxels are the intersections of theirs: points share one where they share a voxel of every detector.
@@ -34,16 +43,16 @@ def joint_occupancy_loss(computed: Sequence[OccupancyLoss], points: Tensor) -> O
     held[cell[: len(points)][cell[: len(points)] >= 0]] = True
     occupancy = held.to(points.dtype).requires_grad_()
     loss = torch.stack([each.loss for each in computed]).mean()
+    to_cells = occupancy.new_zeros(len(computed), count)
     if torch.is_grad_enabled() and loss.requires_grad:
-        to_cells, to_points = torch.zeros_like(occupancy), torch.zeros_like(points)
-        for each, row in zip(computed, row_of_cell, strict=True):
-            of_cells, of_points = _scaled_gradients(each, row, held, points)
-            to_cells += of_cells / len(computed)
+        to_points = torch.zeros_like(points)
+        for number, (each, row) in enumerate(zip(computed, row_of_cell, strict=True)):
+            to_cells[number], of_points = _scaled_gradients(each, row, held, points)
             to_points += of_points / len(computed)
-        loss = loss.detach() + ((occupancy - occupancy.detach()) * to_cells).sum()
+        loss = loss.detach() + ((occupancy - occupancy.detach()) * to_cells.mean(0)).sum()
         if points.requires_grad:
             loss = loss + ((points - points.detach()) * to_points).sum()
-    return OccupancyLoss(loss, occupancy, cell)
+    return JointOccupancyLoss(loss, occupancy, cell, of_members=to_cells)
 
 
 def _scaled_gradients(

@@ -36,10 +36,7 @@ class RobustAttachProblem(AttachProblem):
         assert isinstance(detector, VoxelDetector)
         probes = self.places.points[self._pool]
         views = self.objective.views(points)
-        seen = [
-            addition_gains(goal, detector, view.points, view.probes(probes), view.targets(goal.loss_targets))
-            for view in views
-        ]
+        seen = [addition_gains(goal, detector, points, probes, view) for view in views]
         found = [
             detector.detect(cloud_of_xyzi(view.points)) if each is None else each
             for (each, _), view in zip(seen, views, strict=True)

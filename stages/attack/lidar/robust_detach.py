@@ -33,7 +33,7 @@ class RobustDetachProblem(DetachProblem):
             return self.objective.expected([self._detected(view) for view in views], views)
         goal, detector = self.objective.goal, self.objective.detector
         assert isinstance(detector, VoxelDetector)
-        seen = [removal_gains(goal, detector, view.points, view.targets(goal.loss_targets)) for view in views]
+        seen = [removal_gains(goal, detector, self.points[left], view) for view in views]
         found = [
             self._detected(view) if each is None else each
             for (each, _, _), view in zip(seen, views, strict=True)

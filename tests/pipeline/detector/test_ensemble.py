@@ -85,7 +85,7 @@ def test_detections_keep_their_member(pair):
 
 
 def test_each_member_gets_the_boxes_that_it_knows(pair):
-    """The near member: the car at 3 m, label 0. The wide one: both cars, label 1, and the cyclist, label 0."""
+    """The near one: the car at 3 m, label 0. The wide one: both cars, label 1, and the cyclist, 0."""
     points = torch.ones(5, 4, requires_grad=True)
     boxes, labels = torch.tensor([CAR, FAR_CAR, FAR_CAR]), torch.tensor([0, 0, 2])
     loss = pair.loss(points, boxes, labels)
