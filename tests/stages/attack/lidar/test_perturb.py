@@ -228,7 +228,7 @@ def test_bad_reach(eps_cm):
 @pytest.mark.parametrize(
     ("wrong", "line"),
     [
-        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, paper"),
+        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, transfer, paper"),
         ({"steps": -1}, "steps is -1"),
         ({"steps": 2.5}, "steps is 2.5"),
         ({"weight": -1.0}, "weight is -1.0"),
