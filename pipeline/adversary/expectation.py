@@ -31,6 +31,9 @@ MOMENTUM = 0.5
 """The weight of earlier rounds where views are drawn anew in each (Dong et al., CVPR 2018, "Boosting
 adversarial attacks with momentum", have 1 at unit lengths)."""
 
+MIRRORED = (True, False, True)
+"""Which of the other views are mirrored: some in every round, as crossings of faces do not survive that."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -86,9 +89,9 @@ class Expectation:
 
     @staticmethod
     def of_views(clean: Float32) -> Expectation:
-        """The scene as it is, and three other views of it, whatever the points (N, 4)."""
+        """The scene of points (N, 4) as it is, and three other views of it, two of them mirrored."""
         del clean
-        return Expectation(((), *((InputDiversity(),) for _ in range(3))), MOMENTUM)
+        return Expectation(((), *((InputDiversity(mirrored),) for mirrored in MIRRORED)), MOMENTUM)
 
 
 EXPECTATIONS: Mapping[str, Callable[[Float32], Expectation]] = {

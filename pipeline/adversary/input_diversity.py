@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,13 +17,16 @@ SHIFT_M = 0.08
 their scales; half of the widest column of our families."""
 
 
+@dataclass(frozen=True)
 class InputDiversity:
-    """Mirrors every other scene, and turns, scales and shifts each; in the place of a `Defence`."""
+    """Turns, scales and shifts a scene, and mirrors it or not; in the place of a `Defence`."""
+
+    is_mirrored: bool
 
     def __call__(self, cloud: Cloud, rng: np.random.Generator) -> DefendedCloud:
         placement = Placement(
             scale=rng.uniform(*SCALES),
-            is_mirrored=bool(rng.random() < 0.5),
+            is_mirrored=self.is_mirrored,
             offset_m=rng.uniform(-SHIFT_M, SHIFT_M, 3),
             yaw_rad=rng.uniform(-TURN_RAD, TURN_RAD),
         )
