@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.registry import detector_sha256, detector_slug, load_detector, member_names
@@ -12,13 +11,10 @@ from advpipe.pipeline.detector.registry import detector_sha256, detector_slug, l
 
 def load_attacked(name: str, device: str = CPU) -> ObjectDetector:
     """The detector of a name, or the ensemble of several joined by commas. Raises UsageError as
-    `load_detector` does, and for a member that is named twice."""
+    `load_detector` and `member_names` do."""
     from advpipe.pipeline.detector.ensemble import ensemble_of
 
-    names = member_names(name)
-    if twice := [each for each in names if names.count(each) > 1]:
-        raise UsageError(f"the ensemble {name} names {twice[0]} twice")
-    members = [load_detector(each, device) for each in names]
+    members = [load_detector(each, device) for each in member_names(name)]
     return ensemble_of(members) if len(members) > 1 else members[0]
 
 

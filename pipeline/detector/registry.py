@@ -55,9 +55,15 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
 
 
 def member_names(name: str) -> list[str]:
-    """The detectors of an ensemble, which commas join; a single name or an existing file as it is."""
+    """The detectors of an ensemble, which commas join; a single name or an existing file as it is.
+
+    Raises UsageError for a member that is named twice.
+    """
     is_one = "," not in name or Path(name).is_file()
-    return [name] if is_one else [each.strip() for each in name.split(",")]
+    members = [name] if is_one else [each.strip() for each in name.split(",")]
+    if twice := [each for each in members if members.count(each) > 1]:
+        raise UsageError(f"the ensemble {short_repr(name)} names {short_repr(twice[0])} twice")
+    return members
 
 
 def _about_family(name: str) -> str:

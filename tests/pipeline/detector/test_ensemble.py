@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.adapted import detector_for_cloud
 from advpipe.pipeline.detector.attacked import (
@@ -182,14 +183,16 @@ def test_a_mixed_ensemble_reads_no_voxels(networks, pair):
 
 def test_names(tmp_path):
     file = tmp_path / "a,b.safetensors"
+    other = tmp_path / "c.txt"
     file.touch()
+    other.touch()
     assert member_names(str(file)) == [str(file)]
     assert member_names("small, runs/b.safetensors") == ["small", "runs/b.safetensors"]
     assert attacked_name(f"small,{tmp_path}/b.safetensors") == "small,b.safetensors"
     assert attacked_slug(f"small,{tmp_path}/b.safetensors") == "small+b"
-    assert attacked_sha256("small,small") == f"{detector_sha256('small')},{detector_sha256('small')}"
-    with pytest.raises(UsageError, match="ensemble small,small names small twice"):
-        load_attacked("small,small")
+    assert attacked_sha256(f"small,{file.parent}/c.txt") == f"{detector_sha256('small')},{sha256_of(other)}"
+    with pytest.raises(UsageError, match="ensemble 'small, small' names 'small' twice"):
+        load_attacked("small, small")
     with pytest.raises(UsageError, match="unknown detector"):
         load_attacked("small,")
     with pytest.raises(UsageError, match="is an ensemble, which attacks alone take; give one detector here"):
