@@ -141,9 +141,8 @@ def _evaluation(clean: Path | None, adversarial: Path, detector: str, adaptation
     names = member_names(detector)
     folder, report = bag.parent, default_output(bag, "+".join(map(detector_slug, names)), "reports")
     is_in_set = bag.name == CLEAN_NAME and adversarial.parent.resolve() == folder.resolve()
-    chosen = [word for name in names for word in ("--detector", name)]
-    if detector == AttackOptions.detector:
-        chosen = []
+    is_usual = detector == AttackOptions.detector
+    chosen = [] if is_usual else [word for name in names for word in ("--detector", name)]
     again = ["--overwrite"] if report.exists() else []
     return typed("evaluate", *([folder] if is_in_set else [bag, adversarial]), *chosen, *adaptation, *again)
 
