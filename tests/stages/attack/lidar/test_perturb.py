@@ -193,7 +193,7 @@ def test_along_the_ray(scene, recipe):
     result = attack(*scene, rng())
     start = xyz(scene[0]).astype(np.float64)
     away = np.cross(xyz(result.cloud) - start, start)
-    assert len(result.labels) > 10 or recipe in ("random-best", "best", "robust")
+    assert len(result.labels) > 10 or recipe in ("random-best", "best", "robust", "transfer")
     assert np.abs(away).max() < 1e-4
 
 
