@@ -51,7 +51,7 @@ def attack(
 
     bag: a data set, a rosbag2 folder, an .mcap file or the result of `simulate`; by default the newest data
     set under `datasets`. type: `detach`, `perturb`, `attach`, `cam-...`, `gnss-...`, or `module:Class` of
-    your own. recipe, of LiDAR attacks: `best`, `robust`, `paper`, or a random baseline: `random`,
+    your own. recipe, of LiDAR attacks: `best`, `robust`, `transfer`, `paper`, or a random baseline: `random`,
     `random-near`, `random-best`. attacker, of V2X attacks: a vehicle's id or several, `20%`,
     or `rsu:X,Y` in metres. victim: the vehicle whose GPS or LiDAR is attacked, or that false CAMs target.
     dcc_reacts: whether other stations' congestion control drops CAMs when an attack fills the channel.
@@ -59,13 +59,13 @@ def attack(
     `untrusted`, `expired` or `stolen`.
     from_s, to_s: when, in seconds of the recording.
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
-    detector: a shipped name, a .safetensors file, or `module:Class`; device: where it computes, `cpu`,
-    `cuda` or `cuda:N`. lidar_height_m, level, scale_intensity: how it is shown clouds, see `evaluate`; the
-    ground is fitted in each clean cloud. seed: of the attack's own draws. workers: processes, by default one
-    a core; their number changes no byte. cluster: the address of a Ray cluster that does the work, or `auto`.
-    debug: whether the bag gets topics under `/advpipe/debug`, which
-    show viewers what was attacked. out: the bag's folder, by default in the clean one's data set, or beside
-    it as `BAG-...`. overwrite: replaces one that exists.
+    detector: a shipped name, a .safetensors file, or `module:Class`; several joined by commas are an
+    ensemble. device: where it computes, `cpu`, `cuda` or `cuda:N`. lidar_height_m, level, scale_intensity:
+    how it is shown clouds, see `evaluate`; the ground is fitted in each clean cloud. seed: of the attack's
+    own draws. workers: processes, by default one a core; their number changes no byte. cluster: the address
+    of a Ray cluster that does the work, or `auto`. debug: whether the bag gets topics under `/advpipe/debug`,
+    which show viewers what was attacked. out: the bag's folder, by default in the clean one's data set, or
+    beside it as `BAG-...`. overwrite: replaces one that exists.
 
     The attack's parameters are given by name, such as `ratio` (the share of points to remove) of `detach`,
     `eps_cm` of `perturb`, `points` and `eps_m` of `attach`, `goal` ("break" or "hide"); `parameters` takes

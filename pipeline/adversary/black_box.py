@@ -13,6 +13,7 @@ import numpy as np
 
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, SCORE_BASED
 from advpipe.pipeline.adversary.goal import DETECTED_SCORE
+from advpipe.pipeline.detector.ensemble import EnsembleDetections
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
 from advpipe.pipeline.messages.cloud import Cloud
 
@@ -57,4 +58,7 @@ def told_by(seen: ObjectDetector, found: Detections) -> Detections:
         return found
     sure = np.flatnonzero(found.scores >= DETECTED_SCORE)
     sure = sure[np.lexsort(found.boxes[sure].T)]
-    return Detections(found.boxes[sure], np.ones(len(sure)), found.labels[sure])
+    told = Detections(found.boxes[sure], np.ones(len(sure)), found.labels[sure])
+    if isinstance(found, EnsembleDetections):
+        return EnsembleDetections(told.boxes, told.scores, told.labels, found.member[sure], found.members)
+    return told

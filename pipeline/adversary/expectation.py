@@ -2,18 +2,20 @@
 
 An attack that is to hold however a cloud is changed before detection takes its gradients and judges its
 candidates over random draws of such changes (Athalye et al., ICML 2018, "Synthesizing robust
-adversarial examples").
+adversarial examples"). One that is to hold on detectors that it does not know does so over views of the scene
+(Xie et al., CVPR 2019, "Improving transferability of adversarial examples with input diversity").
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.input_diversity import InputDiversity
 from advpipe.pipeline.adversary.targets import AttackTargets
 from advpipe.pipeline.defences.base import Defence, Placement
 from advpipe.pipeline.defences.placing import Flip, Shift
@@ -24,6 +26,13 @@ from advpipe.pipeline.messages.cloud import cloud_of_xyzi, xyzi
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
+
+MOMENTUM = 0.5
+"""The weight of earlier rounds where views are drawn anew in each (Dong et al., CVPR 2018, "Boosting
+adversarial attacks with momentum", have 1 at unit lengths)."""
+
+MIRRORED = (True, False, True)
+"""Which of the other views are mirrored: some in every round, as crossings of faces do not survive that."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +60,13 @@ class View:
 
 @dataclass(frozen=True)
 class Expectation:
-    """The transformations that an attack is to hold under: each a group of defences in a row."""
+    """The transformations that an attack is to hold under: each a group of defences in a row.
+
+    momentum: the weight of earlier rounds in the gains of points removed and added.
+    """
 
     groups: tuple[tuple[Defence, ...], ...]
+    momentum: float = 0.0
 
     def __len__(self) -> int:
         return len(self.groups)
@@ -73,6 +86,19 @@ class Expectation:
         outliers = OutlierRemoval().limited_by(cloud_of_xyzi(clean))
         thinned = (Shift(), Jitter(), Quantisation(), RandomSampling(), outliers)
         return Expectation(((), (Flip(),), (Shift(),), thinned))
+
+    @staticmethod
+    def of_views(clean: Float32) -> Expectation:
+        """The scene of points (N, 4) as it is, and three other views of it, two of them mirrored."""
+        del clean
+        return Expectation(((), *((InputDiversity(mirrored),) for mirrored in MIRRORED)), MOMENTUM)
+
+
+EXPECTATIONS: Mapping[str, Callable[[Float32], Expectation]] = {
+    "robust": Expectation.of_defences,
+    "transfer": Expectation.of_views,
+}
+"""The recipes that take an expectation, and which, of an attack on clean points (N, 4)."""
 
 
 def _view(points: Float32, group: Sequence[Defence], rng: np.random.Generator) -> View:

@@ -41,9 +41,10 @@ class ExpectedObjective(AttackObjective):
     seen: tuple[AttackObjective, ...]
 
     @staticmethod
-    def over(plain: AttackObjective, clean: Float32, rng: np.random.Generator) -> ExpectedObjective:
+    def over(
+        plain: AttackObjective, clean: Float32, expectation: Expectation, rng: np.random.Generator
+    ) -> ExpectedObjective:
         """The objective for attacks on these clean points (N, 4), which takes a pass a transformation."""
-        expectation = Expectation.of_defences(clean)
         seen = []
         for view in expectation.views(clean, rng):
             found = view.found_back(plain.detector.detect(cloud_of_xyzi(view.points)))

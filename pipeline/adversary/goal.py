@@ -15,6 +15,7 @@ import torch
 from advpipe.pipeline.adversary.constraints import HIDE, Constraints
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.targets import AttackTargets, find_targets
+from advpipe.pipeline.detector.ensemble import EnsembleDetections
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
@@ -72,7 +73,10 @@ class AttackGoal:
 
         "break" succeeds if no detection overlaps the object strictly, and more so with false detections near
         it; "hide", if none overlaps it loosely; "create", the more, the better a detection overlaps it.
+        Against an ensemble, it succeeds on an object that no member finds, see `joint_success`.
         """
+        if isinstance(found, EnsembleDetections):
+            return joint_success(np.array([self.success(each) for each in found.of_members()]))
         truth, labels = self.targets.boxes.double().numpy(), self.targets.labels.numpy()
         on_decoys = iou_bev(found.boxes, self.decoys.boxes.double().numpy()) > 0
         seen_decoys = FALSE_WEIGHT * (on_decoys * found.scores[:, None]).max(axis=0, initial=0.0)
@@ -109,11 +113,21 @@ class AttackGoal:
         return done
 
 
+def joint_success(successes: Float64) -> Float64:
+    """The success (M,) against an ensemble, of those against its members (E, M): their mean, of which those
+    of members that do not find an object count 0 as long as another one finds it."""
+    is_found = (successes < 0).any(axis=0)
+    joint: Float64 = np.where(is_found, np.minimum(successes, 0).mean(axis=0), successes.mean(axis=0))
+    return joint
+
+
 def known_boxes(constraints: Constraints, detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Boxes:
     """The objects that the attacker knows: the true boxes, or what the detector finds in the clean cloud."""
     if constraints.truth == "boxes":
         return boxes
     found = detector.detect(cloud)
+    if isinstance(found, EnsembleDetections):
+        found = found.merged()
     sure = found.scores >= DETECTED_SCORE
     label_of = np.array([CLASSES.index(name) for name in detector.classes], np.int64)
     count = int(sure.sum())

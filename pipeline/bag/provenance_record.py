@@ -84,7 +84,7 @@ class ProvenanceFields(Document):
     looks: Annotated[int, Field(strict=True, ge=1, le=MOST_LOOKS)] | None = None
     baseline_tries: Annotated[int, Field(strict=True, ge=1, le=MOST_LOOKS)] | None = None
     detector: Line = ""
-    detector_sha256: ShortText = ""
+    detector_sha256: Line = ""
     device: ShortText = ""
     debug: bool = False
     recovered: dict[ShortText, Count] = Field(default_factory=dict)

@@ -135,12 +135,14 @@ def _evaluation(clean: Path | None, adversarial: Path, detector: str, adaptation
     """The command that evaluates the bag: of a data set all of its attacks, again where there is a report."""
     from advpipe.commands.paths import bag_or_newest, default_output
     from advpipe.pipeline.bag.locate import CLEAN_NAME
-    from advpipe.pipeline.detector.registry import detector_slug
+    from advpipe.pipeline.detector.registry import detector_slug, member_names
 
     bag = bag_or_newest(clean)
-    folder, report = bag.parent, default_output(bag, detector_slug(detector), "reports")
+    names = member_names(detector)
+    folder, report = bag.parent, default_output(bag, "+".join(map(detector_slug, names)), "reports")
     is_in_set = bag.name == CLEAN_NAME and adversarial.parent.resolve() == folder.resolve()
-    chosen = ["--detector", detector] if detector != AttackOptions.detector else []
+    is_usual = detector == AttackOptions.detector
+    chosen = [] if is_usual else [word for name in names for word in ("--detector", name)]
     again = ["--overwrite"] if report.exists() else []
     return typed("evaluate", *([folder] if is_in_set else [bag, adversarial]), *chosen, *adaptation, *again)
 

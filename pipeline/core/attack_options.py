@@ -19,8 +19,8 @@ class AttackOptions:
     type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
     recipe: str | None = option(
         None,
-        "best, hide, robust, stealthy or paper (as published); random baselines: random, random-near, "
-        "random-best (the strongest).",
+        "best, hide, robust, stealthy, transfer or paper (as published); random baselines: random, "
+        "random-near, random-best (the strongest).",
     )
     victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that false CAMs target.")
     dcc_reacts: bool = option(
@@ -37,7 +37,11 @@ class AttackOptions:
     to_s: float | None = option(None, "End of the attack, in seconds since the start of the recording.")
     lidar: str | None = options.lidar_topic()
     frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
-    detector: str = options.detector()
+    detector: str = option(
+        "small",
+        "Name of a shipped detector, a .safetensors file, or module:Class; several joined by commas are an "
+        "ensemble, attacked together.",
+    )
     device: str = options.device()
     lidar_height_m: float | None = options.lidar_height_m()
     level: bool = options.level()

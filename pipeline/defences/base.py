@@ -16,27 +16,28 @@ Float64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placement:
-    """A defence's transform of the scene: p -> scale * p (with y negated if mirrored) + offset.
+    """A defence's transform of the scene: p -> scale * p (with y negated if mirrored, then turned about z) +
+    offset.
 
-    offset_m: (3,) float64.
+    offset_m: (3,) float64. yaw_rad: of the turn.
     """
 
     scale: float = 1.0
     is_mirrored: bool = False
     offset_m: Float64 = field(default_factory=lambda: np.zeros(3))
+    yaw_rad: float = 0.0
 
     def cloud(self, cloud: Cloud) -> Cloud:
         """The transformed cloud (N,); computed in float64, stored in float32."""
-        points = xyz(cloud).astype(np.float64) * (self.scale * self._signs) + self.offset_m
-        return with_xyz(cloud, points)
+        return with_xyz(cloud, self._there(xyz(cloud).astype(np.float64)))
 
     def boxes_there(self, boxes: Float64) -> Float64:
         """Boxes (M, 7) of the original cloud, where they are in the transformed one."""
         there = boxes.copy()
-        there[:, :3] = boxes[:, :3] * (self.scale * self._signs) + self.offset_m
+        there[:, :3] = self._there(boxes[:, :3])
         there[:, 3:6] *= self.scale
-        if self.is_mirrored:
-            there[:, 6] = wrap_angle(-boxes[:, 6])
+        if self.is_mirrored or self.yaw_rad:
+            there[:, 6] = wrap_angle((-boxes[:, 6] if self.is_mirrored else boxes[:, 6]) + self.yaw_rad)
         return there
 
     def followed_by(self, other: Placement) -> Placement:
@@ -44,21 +45,36 @@ class Placement:
         return Placement(
             self.scale * other.scale,
             self.is_mirrored != other.is_mirrored,
-            other.scale * other._signs * self.offset_m + other.offset_m,
+            other._there(self.offset_m),
+            other.yaw_rad + (-self.yaw_rad if other.is_mirrored else self.yaw_rad),
         )
 
     def boxes_back(self, boxes: Float64) -> Float64:
         """Boxes (M, 7) detected in the transformed cloud, mapped back to the original cloud."""
         back = boxes.copy()
-        back[:, :3] = (boxes[:, :3] - self.offset_m) / (self.scale * self._signs)
+        back[:, :3] = _turned(boxes[:, :3] - self.offset_m, -self.yaw_rad) / (self.scale * self._signs)
         back[:, 3:6] /= self.scale
-        if self.is_mirrored:
-            back[:, 6] = wrap_angle(-boxes[:, 6])
+        if self.is_mirrored or self.yaw_rad:
+            unturned = boxes[:, 6] - self.yaw_rad
+            back[:, 6] = wrap_angle(-unturned if self.is_mirrored else unturned)
         return back
+
+    def _there(self, places: Float64) -> Float64:
+        """Places (..., 3) of the original cloud in the transformed one."""
+        return _turned(places * (self.scale * self._signs), self.yaw_rad) + self.offset_m
 
     @property
     def _signs(self) -> Float64:
         return np.array([1.0, -1.0 if self.is_mirrored else 1.0, 1.0])
+
+
+def _turned(places: Float64, yaw_rad: float) -> Float64:
+    """Places (..., 3) turned about z."""
+    if not yaw_rad:
+        return places
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    turned: Float64 = places @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return turned
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from torch import Tensor
 from advpipe.pipeline.core.plugins import plugin_errors, user_class
 from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.detector_frame import AS_RECORDED, DetectorFrame
+from advpipe.pipeline.detector.ensemble import DetectorEnsemble, ensemble_of
 from advpipe.pipeline.detector.protocol import (
     Detections,
     ObjectDetector,
@@ -42,10 +43,13 @@ def detector_for_cloud(
 
     An attack keeps the frame of the clean cloud: its search needs one fixed grid of voxels, and the points
     that it changes hardly move a plane through all the ground. declared_by: the detector that says what is
-    expected, where `detector` stands for it.
+    expected, where `detector` stands for it. Of an ensemble, each member is adapted by itself.
     """
     if adaptation.is_none:
         return detector, ""
+    if isinstance(detector, DetectorEnsemble):
+        adapted = [detector_for_cloud(each, adaptation, places, each) for each in detector.members]
+        return ensemble_of([each for each, _ in adapted]), adapted[0][1]
     frame, note = adaptation.frame(declared_by, places)
     return placed_detector(detector, frame, adaptation.scale_intensity), note
 

@@ -37,6 +37,11 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
     shipped = shipped_checkpoints()
     if name_or_path in shipped:
         return load_checkpoint(shipped[name_or_path], place).detector()
+    if len(members := member_names(name_or_path)) > 1:
+        raise UsageError(
+            f"{short_repr(name_or_path)} is an ensemble, which attacks alone take; give one detector here, "
+            f"such as {short_repr(members[0])}"
+        )
     if name_or_path.endswith(".safetensors"):
         return load_checkpoint(Path(name_or_path), place).detector()
     if ":" in name_or_path:
@@ -47,6 +52,18 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
         f"unknown detector {short_repr(name_or_path)}; {known_names(name_or_path, shipped)} "
         "(or a path to FILE.safetensors, or module:Class)"
     )
+
+
+def member_names(name: str) -> list[str]:
+    """The detectors of an ensemble, which commas join; a single name or an existing file as it is.
+
+    Raises UsageError for a member that is named twice.
+    """
+    is_one = "," not in name or Path(name).is_file()
+    members = [name] if is_one else [each.strip() for each in name.split(",")]
+    if twice := [each for each in members if members.count(each) > 1]:
+        raise UsageError(f"the ensemble {short_repr(name)} names {short_repr(twice[0])} twice")
+    return members
 
 
 def _about_family(name: str) -> str:

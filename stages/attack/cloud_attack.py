@@ -13,10 +13,10 @@ from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
+from advpipe.pipeline.detector.attacked import load_attacked
 from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import BatchDetector, ObjectDetector
-from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.scenario.attacks import AttackSpec
@@ -69,7 +69,7 @@ def cloud_attacker(
     context of its own.
     """
     reader = BagReader(clean)
-    detectors = {spec.detector: load_detector(spec.detector, device) for spec in attacks}
+    detectors = {spec.detector: load_attacked(spec.detector, device) for spec in attacks}
 
     @cache
     def attacker(attack: int, member: int) -> LidarAttack:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.detector.attacked import attacked_name, attacked_sha256
 from advpipe.pipeline.detector.device import device_record, frames_at_once, open_device
-from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.scenario.models import Scenario
@@ -114,8 +113,8 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
         if plain[key] == AttackSpec.model_fields[key].default:
             del plain[key]  # the record of an attack on clouds as they are does not mention it
     plain["recipe"] = resolved_recipe(spec, attack_class)
-    plain["detector"] = Path(spec.detector).name
-    plain["detector_sha256"] = detector_sha256(spec.detector)
+    plain["detector"] = attacked_name(spec.detector)
+    plain["detector_sha256"] = attacked_sha256(spec.detector)
     count = frames_at_once(device)
     batch = {"frames_at_once": str(count)} if count > 1 else {}
     return {**plain, **device_record(device), **batch}

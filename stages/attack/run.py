@@ -21,7 +21,7 @@ from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.input_notice import notice_unexpected_input
-from advpipe.pipeline.detector.registry import load_detector
+from advpipe.pipeline.detector.registry import load_detector, member_names
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
@@ -121,15 +121,12 @@ def attack(
 def _check_detectors(reader: BagReader, request: AttackRequest) -> None:
     """Raises UsageError for a detector that cannot be loaded or adapted; says where the clouds differ from
     those that it expects."""
-    detectors = {
-        name: load_detector(name, request.device) for name in {spec.detector: None for spec in request.lidar}
-    }
-    for spec in request.lidar:
+    victims = [(spec, name) for spec in request.lidar for name in member_names(spec.detector)]
+    detectors = {name: load_detector(name, request.device) for name in dict.fromkeys(n for _, n in victims)}
+    for spec, name in victims:
         adaptation = adaptation_of(spec)
-        adaptation.check(detectors[spec.detector], spec.detector)
-        notice_unexpected_input(
-            reader, topic_of(reader, spec), spec.detector, detectors[spec.detector], adaptation
-        )
+        adaptation.check(detectors[name], name)
+        notice_unexpected_input(reader, topic_of(reader, spec), name, detectors[name], adaptation)
 
 
 def _attack_clouds(
@@ -145,7 +142,8 @@ def _attack_clouds(
     attacker = partial(
         cloud_attacker, clean, request.lidar, plan.attacked, groups, request.seed, done, request.device
     )
-    if own := plugin_names(name for spec in request.lidar for name in (spec.type, spec.detector)):
+    named = [name for spec in request.lidar for name in (spec.type, *member_names(spec.detector))]
+    if own := plugin_names(named):
         attacker = partial(with_plugin_errors, attacker, own)
     if at_once > 1 and not runs_elsewhere():
         workers = workers or 1

@@ -14,6 +14,7 @@ from pydantic import Field
 from advpipe.pipeline.campaigns.grid.load import GridDrive
 from advpipe.pipeline.campaigns.grid.models import GridFile
 from advpipe.pipeline.core.document import Count, Document, Number, ShortText
+from advpipe.pipeline.detector.attacked import attacked_name
 
 WHOLE = "all"
 """The stratum of all objects; the others are of a cell without a defence."""
@@ -109,7 +110,7 @@ class GridCell:
             "drive": self.drive.id,
             "attack": [
                 spec.model_dump(mode="json")
-                | {"detector": Path(spec.detector).name, "detector_sha256": sha256_of[spec.detector]}
+                | {"detector": attacked_name(spec.detector), "detector_sha256": sha256_of[spec.detector]}
                 for spec in grid.attacks[self.attack]
             ],
             "detector_sha256": sha256_of.get(self.detector, ""),

@@ -26,7 +26,8 @@ from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.core.verbosity import print_result
 from advpipe.pipeline.core.versions import installed
-from advpipe.pipeline.detector.registry import detector_sha256, load_detector
+from advpipe.pipeline.detector.attacked import attacked_sha256
+from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.process.folder import working_path
 from advpipe.stages.attack.registry import find_attack
 from advpipe.stages.attack.run import AttackRequest, attack
@@ -79,7 +80,7 @@ class Grid:
                     request.refuse_without_v2x(name, drive.scenario)
         folder = working_path("grids") / loaded.file.name if out is None else out
         attacked = [spec.detector for specs in loaded.file.attacks.values() for spec in specs]
-        sha256_of = {name: detector_sha256(name) for name in (*loaded.file.detectors, *attacked)}
+        sha256_of = {name: attacked_sha256(name) for name in (*loaded.file.detectors, *attacked)}
         return cls(loaded, GridStore(folder), sha256_of, device, workers, keep_bags, overwrite)
 
     def cells(self, drive: GridDrive) -> list[GridCell]:

@@ -11,8 +11,8 @@ from advpipe.pipeline.campaigns.relay.no_detector import NoDetector
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
+from advpipe.pipeline.detector.attacked import load_attacked
 from advpipe.pipeline.detector.protocol import ObjectDetector
-from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_from_cdr, cloud_to_cdr, xyz
@@ -87,7 +87,7 @@ def scheduled_cloud_attacks(
             hint = "set truth: detections in its parameters" if "truth" in known else "take another attack"
             raise UsageError(f"{spec.type} needs true boxes, which a relay does not have; {hint}")
         queries_none = spec.type in RELAY_ATTACKS or getattr(attack, "recipe", "") == "random"
-        detector = NoDetector() if queries_none else load_detector(spec.detector)
+        detector = NoDetector() if queries_none else load_attacked(spec.detector)
         is_active = acting_on_messages(spec, start_ns, seed)
         built.append(ScheduledCloudAttack(spec.type, found, attack, detector, is_active))
     return tuple(built)

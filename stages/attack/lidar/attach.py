@@ -13,6 +13,7 @@ from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expectation import EXPECTATIONS
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
 from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
@@ -80,6 +81,7 @@ RECIPES = (
     "hide",
     "robust",
     "stealthy",
+    "transfer",
     "paper",
     "score-based",
     "decision-based",
@@ -93,7 +95,7 @@ MAX_EPS_M = 5.0
 MAX_POINTS = 100_000
 """About the points of a whole LiDAR cloud; more would not fit into memory."""
 
-INSET_M = {"best": 0.002, "hide": 0.002, "robust": 0.05}
+INSET_M = {"best": 0.002, "hide": 0.002, "robust": 0.05, "transfer": 0.05}
 """The distance of added points from the faces of their voxel, at most 0.45 of its size: a sub-voxel shift
 seldom moves one by 5 cm."""
 
@@ -112,19 +114,18 @@ class Attach(LidarAttack):
         a detector without `occupancy_loss`, it searches random places by the detections (`subset_search`).
         "hide" is "best" with the goal to hide: no box that overlaps an object loosely is left. "robust" keeps
         a distance from the voxels' faces, and takes gains and objective as means over draws of defences
-        (`expectation`), a pass for each of four. "stealthy" adds at most so many points, one on each of the
-        rays that returned nothing, before what would hide them. "score-based" and "decision-based" are
+        (`expectation`), a pass for each of four; "transfer" likewise over other views of the scene, to hold
+        on other detectors. "stealthy" adds at most so many points, one on each of the rays that returned
+        nothing, before what would hide them. "score-based" and "decision-based" are
         black-box attacks: they see detections alone, the second no scores (`black_box`), and search random
         places (`subset_search`) at the objects that are detected in the clean cloud. "paper" shifts copies of
         the most salient points (`attach_paper`). Random baselines: "random" in balls around any points,
-        "random-near" around those near objects, "random-best" likewise with the selection of "best": the
-        baseline that reports compare the attack with. New points copy the intensity of the point that they
-        start from.
+        "random-near" around those near objects, "random-best" likewise with the selection of "best": what
+        reports compare the attack with. New points copy the intensity of the point that they start from.
     rounds: how often "best", "hide" and "stealthy" rank the places.
     queries: how many detections the black-box recipes ask for.
-    weight: lambda of the paper's dual loss (loss units per square metre); only for "paper", which names a
-        lambda and gives no value.
-    decay_m: "best", "hide" and "robust" multiply the gain of a point at distance d from the clean ones by
+    weight: lambda of the paper's dual loss (loss units per square metre); the paper gives no value.
+    decay_m: recipes that follow gains multiply that of a point at distance d from the clean ones by
         exp(-(d / decay_m)**2), or draw so many fewer there: a small decay_m gives a small Chamfer distance.
     along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, intensity: see
         `constraints.Constraints`.
@@ -152,7 +153,7 @@ class Attach(LidarAttack):
             "queries": BLACK_BOX,
             "goal": WITH_GOAL,
             "weight": ("paper",),
-            "decay_m": ("best", "hide", "robust", "stealthy"),
+            "decay_m": ("best", "hide", "stealthy", *EXPECTATIONS),
             "intensity": tuple(recipe for recipe in QUERYING if recipe != "stealthy"),
         },
     )
@@ -254,14 +255,13 @@ class Attach(LidarAttack):
         rng: np.random.Generator,
     ) -> tuple[Places, str]:
         """The places of the new points, and a note for the user."""
-        goal, detector = objective.goal, objective.detector
+        goal, detector, count = objective.goal, objective.detector, self.points
         boxes = goal.targets.boxes.double().numpy()
-        everywhere = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
-            return self._random_places(clean, everywhere, self.points, boxes, rules, rng), ""
+            everywhere = np.flatnonzero(rules.allowed)
+            return self._random_places(clean, everywhere, count, boxes, rules, rng), ""
         if self.recipe == "paper":
-            count, weight = self.points, self.weight
-            return salient_copies(clean, goal, detector, rules, count, self.eps_m, weight, rng), ""
+            return salient_copies(clean, goal, detector, rules, count, self.eps_m, self.weight, rng), ""
         if self.recipe in ("random-near", "random-best"):
             random = RandomBest(clean, goal, detector, rules, self.query_budget, rng)
             return random.added(self.points, self.eps_m), ""
@@ -271,8 +271,8 @@ class Attach(LidarAttack):
             inset_m = min(inset_m, 0.45 * min(grid.size_m))
             places = voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m)
             problem = AttachProblem(clean, places, objective, rng, decay_m=self.decay_m)
-            if self.recipe == "robust":
-                expected = ExpectedObjective.over(objective, clean, rng)
+            if self.recipe in EXPECTATIONS:
+                expected = ExpectedObjective.over(objective, clean, EXPECTATIONS[self.recipe](clean), rng)
                 problem = RobustAttachProblem(clean, places, expected, rng, decay_m=self.decay_m)
             best = add_greedily(problem, self.points, self.query_budget)
         else:

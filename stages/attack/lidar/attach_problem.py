@@ -9,9 +9,10 @@ import numpy.typing as npt
 import torch
 
 from advpipe.pipeline.adversary.addition_problem import AdditionProblem
+from advpipe.pipeline.adversary.expectation import View
 from advpipe.pipeline.adversary.goal import AttackGoal
-from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
-from advpipe.pipeline.adversary.targets import AttackTargets
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.occupancy_gradient import occupancy_gradients
 from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
 
@@ -46,19 +47,23 @@ class AttachProblem(AdditionProblem):
     def _occupancy_gains(self, detector: VoxelDetector, points: Float32) -> tuple[Detections | None, Float64]:
         """The gradient of the loss with respect to the occupancy of each place's voxel."""
         goal = self.objective.goal
-        return addition_gains(goal, detector, points, self.places.points[self._pool], goal.loss_targets)
+        return addition_gains(goal, detector, points, self.places.points[self._pool])
 
 
 def addition_gains(
-    goal: AttackGoal, detector: VoxelDetector, points: Float32, probes: Float32, targets: AttackTargets
+    goal: AttackGoal, detector: VoxelDetector, points: Float32, probes: Float32, view: View | None = None
 ) -> tuple[Detections | None, Float64]:
     """What the detector finds in points (N, 4), where the pass tells; and the gain (G,) of a point at each
-    probe (G, 4), 0 where its voxel is occupied. targets: of the loss, in the frame of these points."""
+    probe (G, 4), 0 where its voxel is occupied. view: as it sees them, if otherwise."""
+    targets = goal.loss_targets if view is None else view.targets(goal.loss_targets)
+    shown, seen_probes = (points, probes) if view is None else (view.points, view.probes(probes))
     computed = detector.occupancy_loss(
-        torch.from_numpy(points), targets.boxes, targets.labels, torch.from_numpy(probes)
+        torch.from_numpy(shown), targets.boxes, targets.labels, torch.from_numpy(seen_probes)
     )
-    (gradient,) = gradients_of(computed.loss, computed.occupancy)
+    back = None if view is None or computed.found is None else view.found_back(computed.found)
+    places = np.concatenate([points if view is None else points[view.source], probes])
+    (gradient,) = occupancy_gradients(computed, goal, places, found=back)
     of_row = np.nan_to_num(goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
     of_row[computed.occupancy.detach().cpu().numpy() > 0] = 0.0
-    mine = computed.rows.cpu().numpy()[len(points) :]
+    mine = computed.rows.cpu().numpy()[len(shown) :]
     return computed.found, np.append(of_row, 0.0)[mine]  # 0 for a probe that the detector ignores

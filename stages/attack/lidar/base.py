@@ -26,7 +26,7 @@ NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 NO_OCCUPANCY = "no occupancy_loss: searched by the detections, and the gradient of the loss where it has one"
 """The note on a frame that recipes attack by its detections."""
 
-STEPPING = ("best", "hide", "robust", "stealthy", "random-best")
+STEPPING = ("best", "hide", "robust", "stealthy", "transfer", "random-best")
 """The recipes that query the detector in so many steps or rounds, and keep the best candidate."""
 
 QUERYING = (*STEPPING, *BLACK_BOX)

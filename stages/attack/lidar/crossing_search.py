@@ -18,7 +18,8 @@ import torch
 from advpipe.pipeline.adversary.constraints import Rules
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal
-from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.occupancy_gradient import occupancy_gradients
 from advpipe.pipeline.adversary.random_best import MOVE_MARGIN_M
 from advpipe.pipeline.baselines import move_within
 from advpipe.pipeline.detector.protocol import VoxelDetector
@@ -157,13 +158,14 @@ class CrossingSearch:
         computed = self.detector.occupancy_loss(
             leaf, loss_targets.boxes, loss_targets.labels, torch.from_numpy(probes)
         )
+        places = np.concatenate([points, probes])
         if self.rules.constraints.intensity:
-            gradient, to_points = gradients_of(computed.loss, computed.occupancy, leaf)
+            gradient, to_points = occupancy_gradients(computed, self.goal, places, leaf)
             of_cloud = np.zeros(len(self.points))
             of_cloud[shown] = sign * to_points[:, 3].cpu().double().numpy()
             self._step_intensity(of_cloud[self.movable])
         else:
-            (gradient,) = gradients_of(computed.loss, computed.occupancy)
+            (gradient,) = occupancy_gradients(computed, self.goal, places)
         candidate = Candidate(placed, computed.found)
         worth = np.nan_to_num(gradient.cpu().numpy().astype(np.float64), posinf=0.0, neginf=0.0)
         if not worth.any() and (toward_decoys or self.has_gain.any()):
@@ -173,7 +175,7 @@ class CrossingSearch:
         worth *= sign / np.abs(worth).mean()  # the scales of losses differ
         row = computed.rows.cpu().numpy()
         read = row >= 0
-        key = self.grid.keys(self.grid.cells(np.concatenate([points, probes])[read]))
+        key = self.grid.keys(self.grid.cells(places[read]))
         key, first = np.unique(key, return_index=True)
         here = np.isin(key, self.options.keys)
         cell, new = np.searchsorted(self.options.keys, key[here]), worth[row[read][first[here]]]

@@ -10,6 +10,7 @@ import numpy as np
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expectation import EXPECTATIONS
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes, owners
 from advpipe.pipeline.adversary.gradient import NoGradientError
@@ -55,6 +56,7 @@ RECIPES = (
     "hide",
     "robust",
     "stealthy",
+    "transfer",
     "paper",
     "score-based",
     "decision-based",
@@ -77,7 +79,8 @@ class Detach(LidarAttack):
         on the objects that are lost with the fewest points; for a detector without `occupancy_loss`, it
         searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide: no
         box that overlaps an object loosely is left; "robust" takes gains and objective as means over draws of
-        defences (`expectation`), a pass for each of four; "stealthy" removes at most so many points, and in
+        defences (`expectation`), a pass for each of four; "transfer" likewise over other views of the scene,
+        to hold on other detectors; "stealthy" removes at most so many points, and in
         no window of rays so many that the density check of `evaluate` notices; "score-based" and
         "decision-based" are black-box attacks: they see detections alone, the second no scores (`black_box`),
         and search (`subset_search`) points of the objects that are detected in the clean cloud; "paper" is
@@ -211,9 +214,10 @@ class Detach(LidarAttack):
             return self._stealthily(scene, owner, budget, objective, rng)
         if isinstance(detector, VoxelDetector):
             note, problem = "", DetachProblem(xyzi(scene), owner, objective, rng)
-            if self.recipe == "robust":
-                expected = ExpectedObjective.over(objective, xyzi(scene), rng)
-                problem = RobustDetachProblem(xyzi(scene), owner, expected, rng)
+            if self.recipe in EXPECTATIONS:
+                points, expectation = xyzi(scene), EXPECTATIONS[self.recipe]
+                expected = ExpectedObjective.over(objective, points, expectation(points), rng)
+                problem = RobustDetachProblem(points, owner, expected, rng)
             chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         else:
             note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY

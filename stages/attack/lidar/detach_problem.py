@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from advpipe.pipeline.adversary.expectation import View
 from advpipe.pipeline.adversary.goal import AttackGoal
-from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.occupancy_gradient import occupancy_gradients
 from advpipe.pipeline.adversary.removal_problem import RemovalProblem
-from advpipe.pipeline.adversary.targets import AttackTargets
 from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 
 Float32 = npt.NDArray[np.float32]
@@ -38,17 +39,21 @@ class DetachProblem(RemovalProblem):
         if not (will_propose and isinstance(detector, VoxelDetector)):
             return super().detected(points, left, will_propose)
         self._gain[:] = 0
-        found, self._gain[left], self._group[left] = removal_gains(goal, detector, points, goal.loss_targets)
+        found, self._gain[left], self._group[left] = removal_gains(goal, detector, points)
         return super().detected(points, left, will_propose) if found is None else found
 
 
 def removal_gains(
-    goal: AttackGoal, detector: VoxelDetector, points: Float32, targets: AttackTargets
+    goal: AttackGoal, detector: VoxelDetector, points: Float32, view: View | None = None
 ) -> tuple[Detections | None, Float64, Int64]:
     """What the detector finds in points (N, 4), where the pass tells; the gain (N,) of removing each point,
-    its share of its voxel's, and its voxel (N,). targets: of the loss, in the frame of these points."""
-    computed = detector.occupancy_loss(torch.from_numpy(points), targets.boxes, targets.labels)
-    (gradient,) = gradients_of(computed.loss, computed.occupancy)
+    its share of its voxel's, and its voxel (N,). view: as it sees them, if otherwise."""
+    targets = goal.loss_targets if view is None else view.targets(goal.loss_targets)
+    shown = points if view is None else view.points
+    computed = detector.occupancy_loss(torch.from_numpy(shown), targets.boxes, targets.labels)
+    back = None if view is None or computed.found is None else view.found_back(computed.found)
+    places = points if view is None else points[view.source]
+    (gradient,) = occupancy_gradients(computed, goal, places, found=back)
     of_voxel = np.nan_to_num(-goal.sign * gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
     row = computed.rows.cpu().numpy()
     count = np.bincount(row[row >= 0], minlength=len(of_voxel))

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.expectation import EXPECTATIONS
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.gradient import NoGradientError
@@ -60,6 +61,7 @@ RECIPES = {
     "hide": 48,
     "robust": 24,
     "stealthy": 24,
+    "transfer": 24,
     "paper": 40,
     "random": 1,
     "random-near": 1,
@@ -85,6 +87,7 @@ class Perturb(LidarAttack):
         deformations by the detections (`score_search`). "hide" is "best" with the goal to hide, no box that
         overlaps an object loosely is left, and twice the steps. "robust" moves points by the whole reach, and
         takes gains and successes as means over draws of defences (`robust_search`), a pass for each of four.
+        "transfer" does so over other views of the scene (`input_diversity`), to hold on other detectors.
         "stealthy" keeps points on their rays and before what hides them, and spreads them in the voxels, so
         that the checks of `evaluate` do not notice. "score-based" and "decision-based" are black-box attacks:
         they see detections alone, the second no scores (`black_box`), and search deformations
@@ -122,7 +125,7 @@ class Perturb(LidarAttack):
             "queries": BLACK_BOX,
             "goal": WITH_GOAL,
             "weight": ("paper",),
-            "intensity": tuple(recipe for recipe in RECIPES if recipe not in ("paper", "robust")),
+            "intensity": tuple(recipe for recipe in RECIPES if recipe not in ("paper", *EXPECTATIONS)),
         },
     )
 
@@ -245,8 +248,9 @@ class Perturb(LidarAttack):
             owners(points[:, :3], goal.regions, self.settings.margin_m),
             Focus(points, goal.regions),
         )
-        if self.recipe == "robust" and isinstance(detector, VoxelDetector):
-            robust = RobustSearch(points, goal, detector, rules, owner, self.eps_m, rng)
+        if self.recipe in EXPECTATIONS and isinstance(detector, VoxelDetector):
+            expectation = EXPECTATIONS[self.recipe](points)
+            robust = RobustSearch(points, goal, detector, rules, owner, self.eps_m, expectation, rng)
             return robust.moved(self.steps), ""
         note = ""
         search: Search

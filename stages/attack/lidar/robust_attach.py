@@ -36,15 +36,15 @@ class RobustAttachProblem(AttachProblem):
         assert isinstance(detector, VoxelDetector)
         probes = self.places.points[self._pool]
         views = self.objective.views(points)
-        seen = [
-            addition_gains(goal, detector, view.points, view.probes(probes), view.targets(goal.loss_targets))
-            for view in views
-        ]
+        seen = [addition_gains(goal, detector, points, probes, view) for view in views]
         found = [
             detector.detect(cloud_of_xyzi(view.points)) if each is None else each
             for (each, _), view in zip(seen, views, strict=True)
         ]
         weights = self.objective.weights(found, views)[:, self.places.owner[self._pool]]
         gain = (weights * [of_view for _, of_view in seen]).mean(axis=0)
-        self._gain[self._pool] = gain * np.exp(-((self.places.distance_m[self._pool] / self.decay_m) ** 2))
+        gain *= np.exp(-((self.places.distance_m[self._pool] / self.decay_m) ** 2))
+        before, momentum = self._gain[self._pool], self.objective.expectation.momentum
+        before = np.where(np.isfinite(before), before, gain)  # of new places
+        self._gain[self._pool] = momentum * before + (1 - momentum) * gain
         return self.objective.expected(found, views)

@@ -33,15 +33,18 @@ class RobustDetachProblem(DetachProblem):
             return self.objective.expected([self._detected(view) for view in views], views)
         goal, detector = self.objective.goal, self.objective.detector
         assert isinstance(detector, VoxelDetector)
-        seen = [removal_gains(goal, detector, view.points, view.targets(goal.loss_targets)) for view in views]
+        seen = [removal_gains(goal, detector, self.points[left], view) for view in views]
         found = [
             self._detected(view) if each is None else each
             for (each, _, _), view in zip(seen, views, strict=True)
         ]
+        before, weights = self._gain.copy(), self.objective.weights(found, views)
+        momentum = self.objective.expectation.momentum if before.any() else 0.0
         self._gain[:] = 0
-        for view, (_, gain, _), weight in zip(views, seen, self.objective.weights(found, views), strict=True):
+        for view, (_, gain, _), weight in zip(views, seen, weights, strict=True):
             shown = left[view.source]
             self._gain[shown] += gain * np.append(weight, 0.0)[self.owner[shown]]
+        self._gain[left] = momentum * before[left] + (1 - momentum) * self._gain[left]
         self._group[left] = seen[0][2]  # the first view is of the points as they are
         return self.objective.expected(found, views)
 

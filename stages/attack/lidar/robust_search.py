@@ -1,4 +1,4 @@
-"""Moves of points that hold in expectation over transformations: the recipe `robust` of `perturb`.
+"""Moves of points that hold in expectation over transformations: `robust` and `transfer` of `perturb`.
 
 A crossing of one voxel face survives neither a sub-voxel shift nor a mirror image. So each point has 26 fixed
 displacements, by its whole reach. The gain of each is a mean over draws of the transformations: of the
@@ -20,7 +20,8 @@ from advpipe.pipeline.adversary.expectation import Expectation, View
 from advpipe.pipeline.adversary.expected_objective import still_found
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal
-from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.gradient import NoGradientError
+from advpipe.pipeline.adversary.occupancy_gradient import occupancy_gradients
 from advpipe.pipeline.adversary.per_object_best import within_limit
 from advpipe.pipeline.detector.protocol import Detections, VoxelDetector
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
@@ -50,12 +51,13 @@ class RobustSearch:
         rules: Rules,
         owner: Int64,
         reach_m: float,
+        expectation: Expectation,
         rng: np.random.Generator,
     ) -> None:
         """rules: which points may move, and where to. owner: (N,) the object or decoy that each belongs to;
-        points with -1 stay. reach_m: how far a point may move."""
+        points with -1 stay. reach_m: how far a point may move. expectation: the transformations."""
         self.points, self.goal, self.detector, self.rules, self.rng = points, goal, detector, rules, rng
-        self.expectation = Expectation.of_defences(points)
+        self.expectation = expectation
         self.focus = Focus(points, goal.regions)
         self.movable = np.flatnonzero((owner >= 0) & rules.allowed)
         self.owner = owner
@@ -110,7 +112,7 @@ class RobustSearch:
         gains, found = [], []
         for view in self.expectation.views(placed[shown], self.rng):
             if takes_gain:
-                seen, gain = self._gains(view, open_)
+                seen, gain = self._gains(view, placed[shown], open_)
                 gains.append(gain)
             else:
                 seen = self.detector.detect(cloud_of_xyzi(view.points))
@@ -127,9 +129,10 @@ class RobustSearch:
         is_done = np.all([self.goal.is_done(each) for each in successes], axis=0)
         return np.mean(successes, axis=0), is_done
 
-    def _gains(self, view: View, open_: Int64) -> tuple[Detections, Float64]:
-        """What the detector finds in a view, and the gain (L, P) of moving each open point to each of its
-        places: of the voxel that it enters, if empty, and of leaving its own, shared by its points."""
+    def _gains(self, view: View, given: Float32, open_: Int64) -> tuple[Detections, Float64]:
+        """What the detector finds in a view of the given points, and the gain (L, P) of moving each open
+        point to each of its places: of the voxel that it enters, if empty, and of leaving its own, shared by
+        its points."""
         targets = view.targets(self.goal.loss_targets)
         probes = np.zeros((len(self.places), len(open_), 4), np.float32)
         probes[:, :, :3] = self.places[:, open_]
@@ -137,7 +140,9 @@ class RobustSearch:
             torch.from_numpy(view.points), targets.boxes, targets.labels,
             torch.from_numpy(view.probes(probes.reshape(-1, 4))),
         )  # fmt: skip
-        (gradient,) = gradients_of(computed.loss, computed.occupancy)
+        back = None if computed.found is None else view.found_back(computed.found)
+        places = np.concatenate([given[view.source, :3], self.places[:, open_].reshape(-1, 3)])
+        (gradient,) = occupancy_gradients(computed, self.goal, places, found=back)
         worth = self.goal.sign * np.nan_to_num(gradient.double().cpu().numpy(), posinf=0.0, neginf=0.0)
         if worth.any():
             worth /= np.abs(worth).mean()  # the scales of views differ

@@ -107,15 +107,20 @@ class Comparison:
 
     @property
     def is_white_box(self) -> bool | None:
-        """Whether the evaluated detector is the one that was attacked; None where that is unknown.
+        """Whether the evaluated detector was attacked, alone or in an ensemble; None where that is unknown.
 
         One file may hold several detectors `module:Class`: they are told apart by name too.
         """
         attacked = self.provenance.fields.detector_sha256
         if not attacked or not self.detector_sha256:
             return None
-        is_named_alike = self.provenance.get("detector", self.detector) == self.detector
-        return attacked == self.detector_sha256 and (is_named_alike or ":" not in self.detector)
+        members = attacked.split(",")
+        name = self.provenance.get("detector", self.detector)
+        names = name.split(",") if len(members) > 1 else [name]
+        return any(
+            sha256 == self.detector_sha256 and (name == self.detector or ":" not in self.detector)
+            for name, sha256 in zip(names, members, strict=False)
+        )
 
 
 def touches_clouds(provenance: Provenance) -> bool:

@@ -230,6 +230,7 @@ def test_a_summary_breaks_between_words_on_a_terminal(
         ({}, []),
         ({"level": True, "scale_intensity": 1 / 255}, ["--level", "--scale-intensity", str(1 / 255)]),
         ({"lidar_height_m": 2.2}, ["--lidar-height", "2.2"]),
+        ({"detector": "small,mine:Net"}, ["--detector", "small", "--detector", "mine:Net"]),
     ],
 )
 def test_the_evaluation_sees_the_clouds_as_the_attack_did(

@@ -265,7 +265,7 @@ def test_constraints_without_a_place_are_said(hand_worked):
         ({"rounds": 0}, "rounds is 0"),
         ({"weight": -1.0}, "weight is -1"),
         ({"decay_m": 0.0}, "decay_m is 0"),
-        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, paper"),
+        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, transfer, paper"),
         ({"ghost": "car:1"}, "CLASS:X:Y"),
         ({"ghost": "car:1:2", "objects": ("a",)}, "two attacks"),
         ({"near_objects_m": float("nan")}, "near_objects_m"),

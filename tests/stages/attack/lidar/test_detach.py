@@ -247,5 +247,5 @@ def test_bad_rounds(rounds):
 
 
 def test_unknown_recipe():
-    with pytest.raises(AdvpipeError, match="best, hide, robust, stealthy, paper, score-based"):
+    with pytest.raises(AdvpipeError, match="best, hide, robust, stealthy, transfer, paper, score-based"):
         Detach(ratio=0.01, recipe="worst")

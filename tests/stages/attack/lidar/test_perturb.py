@@ -193,7 +193,7 @@ def test_along_the_ray(scene, recipe):
     result = attack(*scene, rng())
     start = xyz(scene[0]).astype(np.float64)
     away = np.cross(xyz(result.cloud) - start, start)
-    assert len(result.labels) > 10 or recipe in ("random-best", "best", "robust")
+    assert len(result.labels) > 10 or recipe in ("random-best", "best", "robust", "transfer")
     assert np.abs(away).max() < 1e-4
 
 
@@ -228,7 +228,7 @@ def test_bad_reach(eps_cm):
 @pytest.mark.parametrize(
     ("wrong", "line"),
     [
-        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, paper"),
+        ({"recipe": "worst"}, "known: best, hide, robust, stealthy, transfer, paper"),
         ({"steps": -1}, "steps is -1"),
         ({"steps": 2.5}, "steps is 2.5"),
         ({"weight": -1.0}, "weight is -1.0"),

@@ -1,4 +1,4 @@
-"""Recipe `robust`: what it does holds in a mirror image and under a shift, where `best` does not."""
+"""Recipes `robust` and `transfer`: what they do holds under defences and on another detector."""
 
 from __future__ import annotations
 
@@ -51,15 +51,32 @@ def found_under(result, detector):
     return found
 
 
-@pytest.mark.parametrize(
+EACH_ATTACK = pytest.mark.parametrize(
     "attack_of",
     [
-        lambda recipe: Detach(ratio=0.7, recipe=recipe),
-        lambda recipe: Perturb(eps_cm=99, recipe=recipe),
-        lambda recipe: Attach(eps_m=4.0, points=12, recipe=recipe),
+        lambda recipe, **more: Detach(ratio=0.7, recipe=recipe, **more),
+        lambda recipe, **more: Perturb(eps_cm=99, recipe=recipe, **more),
+        lambda recipe, **more: Attach(eps_m=4.0, points=12, recipe=recipe, **more),
     ],
     ids=["detach", "perturb", "attach"],
 )
+
+
+@EACH_ATTACK
 def test_robust_holds_where_best_does_not(scene, attack_of):
     assert "flip" in found_under(attack_of("best")(*scene, np.random.default_rng(1)), scene[2])
     assert found_under(attack_of("robust")(*scene, np.random.default_rng(1)), scene[2]) == []
+
+
+@EACH_ATTACK
+def test_transfer_holds_on_a_detector_that_it_does_not_know(scene, attack_of):
+    """The other detector reads the points to the right. Goal "hide": the box that these detectors find stays
+    where it is, so that it would be displaced in every view that is turned."""
+    cloud, _, attacked = scene
+    other = Centred(attacked.weights.numpy()[:, ::-1].copy(), [CAR])
+    found = {}
+    for recipe in ("best", "transfer"):
+        left = attack_of(recipe, goal="hide")(*scene, np.random.default_rng(1)).cloud
+        found[recipe] = len(attacked.detect(left)), len(other.detect(left))
+    assert len(other.detect(cloud)) == 1
+    assert found == {"best": (0, 1), "transfer": (0, 0)}
