@@ -12,8 +12,11 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 
-STEPS_M = (0.01, *(2.0**-power for power in range(4, 13)), 0.001)
+STEPS_M = (0.01, *(2.0**-power for power in range(7, 13)), 0.005, 0.004, 0.002, 0.001)
 """The steps that are tried, coarse ones first: decimal ones, as text files have them, and powers of two."""
+
+CONSTRUCTED_M = (0.1, 0.0625, 0.05, 0.03125, 0.025, 0.015625, 0.0125)
+"""No sensor rounds as coarsely: a cloud on such a grid was made by hand."""
 
 MIN_POINTS = 20
 """Of fewer points, some lie on a coarse grid by chance."""
@@ -36,10 +39,10 @@ class CoordinateGrid:
         if len(points) < MIN_POINTS:
             return None
         few = points[:: max(1, len(points) // 500)]
-        for step_m in sorted(STEPS_M, reverse=True):
+        for step_m in sorted((*CONSTRUCTED_M, *STEPS_M), reverse=True):
             grid = cls(step_m)
             if all((grid.offset_m(each) == 0).mean() >= ON_GRID for each in (few, points)):
-                return grid
+                return None if step_m in CONSTRUCTED_M else grid
         return None
 
     def offset_m(self, points: npt.NDArray[np.floating]) -> Float64:

@@ -18,7 +18,7 @@ from advpipe.pipeline.v2x.codec.timestamps import GENERATION_DELTA_TIME_CYCLE_MS
 Int64 = npt.NDArray[np.int64]
 
 HEADER_BYTES, TIME_BYTES = 6, 8
-"""Of a message in UPER: version, type and station id; a CAM's and a CPM's time of generation follows."""
+"""Of a CAM in UPER: version, type and station id; the time of generation follows."""
 
 CHECK_S = 0.1
 """Between checks whether to send a CAM; intervals are multiples of it."""
@@ -26,11 +26,9 @@ CHECK_S = 0.1
 
 @dataclass(frozen=True)
 class MessageView:
-    """The N messages of one type that a vehicle received, by arrival; has_time: whether their type states the
-    time of generation behind the header."""
+    """The N CAMs that a vehicle received, by arrival."""
 
     receptions: Sequence[RecordedReception]
-    has_time: bool
 
     @cached_property
     def arrival_ns(self) -> Int64:
@@ -82,9 +80,7 @@ class MessageView:
 
     @cached_property
     def lag_s(self) -> Float64:
-        """From the stated time of generation (N,) to the arrival; NaN for a type that states none there."""
-        if not self.has_time:
-            return np.full(len(self.station), np.nan)
+        """From the stated time of generation (N,) to the arrival; NaN for a message without one."""
         stated = np.array([_number(each.payload, HEADER_BYTES, TIME_BYTES) for each in self.receptions])
         arrived = np.array([generation_delta_time_ms(each) for each in self.arrival_ns.tolist()])
         half = GENERATION_DELTA_TIME_CYCLE_MS // 2
@@ -101,9 +97,7 @@ class MessageView:
     @cached_property
     def same_body(self) -> Float64:
         """How many messages (N,) have the same bytes behind header and time."""
-        bodies = [
-            (each.payload or b"")[TIME_BYTES if self.has_time else HEADER_BYTES :] for each in self.receptions
-        ]
+        bodies = [(each.payload or b"")[TIME_BYTES:] for each in self.receptions]
         count = Counter(bodies)
         return np.array([count[body] for body in bodies], np.float64)
 

@@ -19,6 +19,8 @@ from advpipe.stages.investigate.situation import Situation
 NEAREST_M, FARTHEST_M = 4.0, 45.0
 CORE = 0.7
 """Share of the claimed size that rays have to pass through: places and sizes are not exact."""
+PLACE_M = 0.3
+"""Error of a claimed place, along a ray."""
 BODY_M = (0.4, 1.3)
 """Heights above the ground between which every car stops rays."""
 FEWEST_RAYS, FREE_SHARE = 6, 0.8
@@ -102,7 +104,8 @@ def _placed(
 
 def _reading(one: _Candidate, frustum: BoxFrustum, scan: JudgedScan, things_m: Float64) -> CueReading | None:
     rays = len(frustum.range_m)
-    reached = int((frustum.range_m >= frustum.near_m).sum())
+    shell_m = (1 - CORE) / 2 * float(np.hypot(*one.in_lidar[3:5])) + PLACE_M
+    reached = int((frustum.range_m >= frustum.near_m - shell_m).sum())  # the vehicle's own outside counts
     if reached < FEWEST_RAYS or reached < rays / 2:  # hidden, at least by half
         return None
     behind = frustum.range_m > frustum.far_m

@@ -51,6 +51,7 @@ NO_FIGURE = {
     "pipeline/core/plain_yaml.py",
     "pipeline/core/plugins.py",
     "pipeline/core/progress.py",
+    "pipeline/core/remote_path.py",
     "pipeline/core/shipped_scenarios.py",
     "pipeline/core/short_repr.py",
     "pipeline/core/signals.py",
