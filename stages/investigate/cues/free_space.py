@@ -30,7 +30,7 @@ OBJECT_M = (0.35, 2.5)
 FARTHEST_GAP_M = 8.0
 NTH_NEAREST = 3
 """A single return may be of anything; the third nearest says where something stands."""
-SHOWN_M, MOST_SHOWN = 30.0, 1500
+SHOWN_M, MOST_SHOWN, MOST_RAYS_SHOWN = 30.0, 1500, 40
 
 
 class _Candidate(NamedTuple):
@@ -138,7 +138,8 @@ def _picture(one: _Candidate, frustum: BoxFrustum, scan: JudgedScan) -> FreeSpac
     near = np.abs(scan.base_points_m[:, :2] - one.in_base[:2]).max(axis=1) <= SHOWN_M
     shown = scan.base_points_m[near][:, :2]
     step = max(1, len(shown) // MOST_SHOWN)
-    behind = np.flatnonzero(frustum.range_m > frustum.far_m)[:40]
+    behind = np.flatnonzero(frustum.range_m > frustum.far_m)
+    behind = behind[:: -(-len(behind) // MOST_RAYS_SHOWN)]
     in_box_m = frustum.origin + frustum.unit[behind] * frustum.range_m[behind, None]
     cos, sin = np.cos(one.in_base[6]), np.sin(one.in_base[6])
     ends_m = in_box_m[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + one.in_base[:2]
