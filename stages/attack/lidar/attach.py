@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import torch
 from scipy.spatial import cKDTree
 
 from advpipe.pipeline.adversary.addition_problem import add_greedily
@@ -15,8 +14,8 @@ from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
 from advpipe.pipeline.adversary.expectation import EXPECTATIONS
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
-from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes
-from advpipe.pipeline.adversary.gradient import NoGradientError, gradients_of
+from advpipe.pipeline.adversary.goal import goal_of, known_boxes
+from advpipe.pipeline.adversary.gradient import NoGradientError
 from advpipe.pipeline.adversary.greedy_allocation import queries
 from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.places import (
@@ -45,6 +44,7 @@ from advpipe.pipeline.labels.points import ADDED, PointLabels
 from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
 from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
+from advpipe.stages.attack.lidar.attach_intensities import attach_intensities
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
 from advpipe.stages.attack.lidar.attach_places import voxel_places
 from advpipe.stages.attack.lidar.attach_problem import AttachProblem
@@ -285,7 +285,7 @@ class Attach(LidarAttack):
             rest = ball_places(clean, sources, short, boxes, rules, near_m, MARGIN_M, rng)
             best = joined([best, rest])
         if self.constraints.intensity and isinstance(detector, VoxelDetector):
-            best = _with_intensity(clean, best, goal, objective, detector)
+            best = attach_intensities(clean, best, goal, objective, detector)
         return best, note
 
     def _searched_places(
@@ -325,27 +325,6 @@ class Attach(LidarAttack):
         rng: np.random.Generator,
     ) -> Places:
         return ball_places(clean, sources, count, boxes, rules, self.eps_m, MARGIN_M, rng)
-
-
-def _with_intensity(
-    clean: Float32, places: Places, goal: AttackGoal, objective: AttackObjective, detector: ObjectDetector
-) -> Places:
-    """The places with intensities of 0 or 1, by the sign of the gradient, if that raises the objective."""
-
-    def loss_of(added: Float32) -> tuple[torch.Tensor, torch.Tensor]:
-        points = torch.from_numpy(np.concatenate([clean, added])).requires_grad_()
-        return goal.sign * detector.loss(points, goal.loss_targets.boxes, goal.loss_targets.labels), points
-
-    loss, points = loss_of(places.points)
-    (gradient,) = gradients_of(loss, points)
-    slope = gradient[len(clean) :, 3].cpu().numpy()
-    changed = places.points.copy()
-    changed[:, 3] = np.where(slope > 0, 1.0, np.where(slope < 0, 0.0, changed[:, 3]))
-    before, after = (
-        (float(objective(np.concatenate([clean, added])).sum()), float(loss_of(added)[0].detach()))
-        for added in (places.points, changed)
-    )
-    return replace(places, points=changed) if after > before else places
 
 
 def _labels(scene: Cloud, added: Cloud) -> PointLabels:
