@@ -72,8 +72,10 @@ class PointTables:
     """Writes `labels.parquet` and `frames.parquet` into a folder, frame by frame."""
 
     def __init__(self, folder: Path) -> None:
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
+        pa.array(np.zeros(0))  # loads pandas where it is installed: some seconds, not at the first frame
         self._points, self._frames = arrow_schema(POINT_COLUMNS), arrow_schema(FRAME_COLUMNS)
         self._points_writer = pq.ParquetWriter(str(folder / POINTS), self._points)
         self._frames_writer = pq.ParquetWriter(str(folder / FRAMES), self._frames)

@@ -55,6 +55,11 @@ class ScheduledCloudAttack:
     detector: ObjectDetector
     is_active: Acting
 
+    def from_time(self, start_ns: int, seed: int) -> ScheduledCloudAttack:
+        """The same whose schedule counts from here."""
+        spec = self.spec.model_copy(update={"type": self.name})
+        return replace(self, is_active=acting_on_messages(spec, start_ns, seed))
+
     def __call__(self, number: int, cdr: bytes, seed: int) -> AttackedCloud:
         """Attack the cloud with this number in the stream. Raises AdvpipeError for an invalid message."""
         stamped = cloud_from_cdr(cdr)

@@ -6,7 +6,10 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+
+import numpy as np
 
 from advpipe.pipeline.campaigns.relay.cloud_attacks import (
     AttackedCloud,
@@ -22,7 +25,7 @@ from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.labels.clouds import LabelledFrame
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.mcap.qos import keep_last
-from advpipe.pipeline.messages.cloud import cloud_from_cdr
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, cloud_from_cdr, cloud_to_cdr
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.debug import touched_cloud
 from advpipe.stages.attack.lidar.base import LidarResult, unchanged
@@ -58,7 +61,7 @@ class CloudRelay:
         self.topics: tuple[Topic, ...] = (
             Topic(settings.cloud_topic, "sensor_msgs/msg/PointCloud2", keep_last(5)),
         )
-        self._settings, self._specs, self._recorder = settings, specs, recorder
+        self._settings, self._recorder = settings, recorder
         self._attacks = scheduled_cloud_attacks(specs, 0, settings.seed)
         self._worker = ThreadPoolExecutor(1, "attack on clouds")
         self._attack_s = 0.0
@@ -66,9 +69,17 @@ class CloudRelay:
         self._waiting = deque[_Waiting]()
         self._complained: set[str] = set()
 
+    def rehearse(self) -> None:
+        """Attack a small cloud of its own, so that no cloud waits for what an attack loads when it begins."""
+        small = cloud_to_cdr(_small_cloud(), 0, "")
+        for attack in self._attacks:
+            with suppress(AdvpipeError):
+                attacked = attack(0, small, self._settings.seed)
+                touched_cloud(self.topics[0].name, attacked.clean, attacked.result)
+
     def begin(self, start_ns: int) -> None:
         """Schedules count from here."""
-        self._attacks = scheduled_cloud_attacks(self._specs, start_ns, self._settings.seed)
+        self._attacks = tuple(one.from_time(start_ns, self._settings.seed) for one in self._attacks)
 
     def take(self, cdr: bytes, now_ns: int, arrival_s: float) -> None:
         """A cloud that has come."""
@@ -178,3 +189,13 @@ class CloudRelay:
             becomes = "dropped" if self._settings.when_late == DROP else "passed on unchanged"
             text = f"{self.topics[0].name}: this machine does not keep up; some clouds are {becomes} ({text})"
         notice(text)
+
+
+def _small_cloud() -> Cloud:
+    """A wall around the sensor, in 4 rings of 90 points."""
+    cloud = np.zeros(360, POINT_DTYPE)
+    azimuth_rad = np.repeat(np.arange(90), 4) * (2 * np.pi / 90)
+    cloud["x"], cloud["y"] = 20 * np.cos(azimuth_rad), 20 * np.sin(azimuth_rad)
+    cloud["ring"] = np.tile(np.arange(4), 90)
+    cloud["z"] = cloud["ring"] - 2.0
+    return cloud

@@ -63,6 +63,9 @@ def relay(
         (bag.folder / RESOLVED).write_text(_resolved_text(settings), encoding="utf-8")
         with Recorder(bag, debug=options.debug, has_clouds=has_clouds) as recorder:
             parts = _parts(settings, families, recorder)
+            for part in parts:
+                if isinstance(part, CloudRelay):
+                    part.rehearse()
             with closing(RelayGraph(options, [part.topics for part in parts])) as graph:
                 ready(f"ROS 2 domain {options.domain}")
                 loop = _Loop(graph, parts, recorder, options)

@@ -167,3 +167,23 @@ def test_one_pass_of_a_detectors_gradient(tmp_path: Path) -> None:
     assert sent.fate == ATTACKED
     assert frame["points_adversarial"] == frame["points_clean"] - round(0.01 * frame["points_clean"])
     assert frame["loss_after"] > frame["loss_before"]
+
+
+def test_a_rehearsal_leaves_no_trace(tmp_path: Path) -> None:
+    """The first cloud is attacked as without it, and nothing is counted or recorded."""
+    settings = settings_of(DETACH, max_latency_s=30)
+    sent = []
+    for name in ("with", "without"):
+        with recording(tmp_path / name, has_clouds=True) as recorder:
+            relay = CloudRelay(settings, settings.attacks, recorder)
+            if name == "with":
+                relay.rehearse()
+            assert not relay.counts.received
+            relay.begin(BEGIN_NS)
+            relay.take(cloud_cdr(), BEGIN_NS, time.monotonic())
+            sent.append(passing(relay))
+            relay.end()
+    assert sent[0][0].fate == ATTACKED
+    assert sent[0][0].cdr == sent[1][0].cdr
+    frames = pq.read_table(tmp_path / "with" / "frames.parquet").to_pylist()
+    assert [row["frame"] for row in frames] == [0]
