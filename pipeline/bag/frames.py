@@ -119,12 +119,12 @@ def read_frames(
     LiDAR's frame through /tf_static and the true odometry or /tf.
     """
     return (
-        Frame(index, scan.stamp_ns, scan.cloud, *_truth(truth, scan.stamp_ns, scan.frame_id))
+        Frame(index, scan.stamp_ns, scan.cloud, *truth_at(truth, scan.stamp_ns, scan.frame_id))
         for index, scan, truth in read_clouds(bag, chosen, lidar_topic=lidar_topic)
     )
 
 
-def _truth(truth: GroundTruth | None, stamp_ns: int, lidar_frame: str) -> tuple[Boxes, Uncounted]:
+def truth_at(truth: GroundTruth | None, stamp_ns: int, lidar_frame: str) -> tuple[Boxes, Uncounted]:
     """The objects at an instant, and what does not count; neither without ground truth."""
     if truth is None:
         return Boxes(), Uncounted()
@@ -141,10 +141,15 @@ def read_clouds(
     """The same with the truth in any frame: ask for it before the next cloud is read."""
     reader = bag if isinstance(bag, BagReader) else BagReader(bag)
     topic = find_lidar_topic(reader, lidar_topic)
-    if not reader.topics[topic].count:
-        raise UsageError(f"{reader.path} holds no LiDAR clouds ({topic} is empty)")
+    refuse_without_clouds(reader, topic)
     indices = chosen.indices(reader.topics[topic].count)
     return _clouds(reader, topic, indices)
+
+
+def refuse_without_clouds(reader: BagReader, topic: str) -> None:
+    """Raises UsageError for a topic without clouds."""
+    if not reader.topics[topic].count:
+        raise UsageError(f"{reader.path} holds no LiDAR clouds ({topic} is empty)")
 
 
 def _clouds(reader: BagReader, topic: str, indices: range) -> Iterator[CloudWithTruth]:
@@ -152,12 +157,12 @@ def _clouds(reader: BagReader, topic: str, indices: range) -> Iterator[CloudWith
     objects = objects_topic(reader, topics)
     truth = GroundTruth(reader, topics, objects) if objects else None
     times_ns = reader.log_times_ns(topic)
-    latency_ns = _latency_ns(reader, topic, int(times_ns[indices[0]])) if truth else 0
+    near_ns = latency_ns(reader, topic, int(times_ns[indices[0]])) if truth else 0
     runs = [indices] if indices.step == 1 else [range(index, index + 1) for index in indices]
     for run in runs:
         first_ns, last_ns = int(times_ns[run[0]]), int(times_ns[run[-1]])
         index, seen = int(np.searchsorted(times_ns, first_ns)), 0
-        for raw in _with_truth(reader, topic, truth, (first_ns, last_ns), latency_ns):
+        for raw in _with_truth(reader, topic, truth, (first_ns, last_ns), near_ns):
             if index in run:
                 yield index, reader.cloud(raw), truth
                 seen += 1
@@ -166,21 +171,21 @@ def _clouds(reader: BagReader, topic: str, indices: range) -> Iterator[CloudWith
             raise AdvpipeError(f"{reader.path}: damaged (the index of {topic} is wrong)")
 
 
-def _latency_ns(reader: BagReader, topic: str, log_time_ns: int) -> int:
+def latency_ns(reader: BagReader, topic: str, log_time_ns: int) -> int:
     """How far from a cloud its truth may have been logged; in advpipe's own bags, both have one time."""
     first = next(iter(reader.raw_messages([topic], log_time_ns, log_time_ns)), None)
     return 0 if first is None or reader.cloud(first).stamp_ns == log_time_ns else LATENCY_NS
 
 
 def _with_truth(
-    reader: BagReader, topic: str, truth: GroundTruth | None, span_ns: tuple[int, int], latency_ns: int
+    reader: BagReader, topic: str, truth: GroundTruth | None, span_ns: tuple[int, int], near_ns: int
 ) -> Iterator[RawMessage]:
     """The clouds of a span in one pass over the bag, each after `truth` took all that belongs to it."""
     first_ns, last_ns = span_ns
     wanted = [topic, *(truth.topic_names if truth else ())]
     waiting: deque[RawMessage] = deque()
-    for raw in reader.raw_messages(wanted, max(0, first_ns - latency_ns), last_ns + latency_ns):
-        while waiting and raw.log_time_ns > waiting[0].log_time_ns + latency_ns:
+    for raw in reader.raw_messages(wanted, max(0, first_ns - near_ns), last_ns + near_ns):
+        while waiting and raw.log_time_ns > waiting[0].log_time_ns + near_ns:
             yield waiting.popleft()
         if raw.topic.name != topic:
             assert truth is not None

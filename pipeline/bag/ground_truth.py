@@ -158,9 +158,18 @@ class GroundTruth:
 
     def forget_before(self, stamp_ns: int) -> None:
         """Forget what no cloud from this stamp on needs."""
-        for by_stamp in (self._boxes, self._velocities, self._moving, self._ignored, self._coverage):
+        for by_stamp in self._by_stamp:
             for old in [stamp for stamp in by_stamp if stamp < stamp_ns - LATENCY_NS]:
                 del by_stamp[old]
+
+    def forget(self) -> None:
+        """Forget all stamps, such as before a cloud is asked for that lies before the last one."""
+        for by_stamp in self._by_stamp:
+            by_stamp.clear()
+
+    @property
+    def _by_stamp(self) -> tuple[dict[int, Any], ...]:
+        return self._boxes, self._velocities, self._moving, self._ignored, self._coverage
 
     def lidar_SE3(self, frame_id: str, stamp_ns: int, lidar_frame: str) -> Float64:
         """`lidar_SE3_frame`, through the tree of transforms at that instant."""

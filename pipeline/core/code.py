@@ -17,6 +17,7 @@ LABELS = tuple(
 CLOUDS = (
     "pipeline/messages/cloud.py",
     "pipeline/core/frame_slice.py",
+    "pipeline/bag/frame_reader.py",
     "pipeline/bag/frames.py",
     "pipeline/bag/ground_truth.py",
     "pipeline/bag/lidar_mount.py",

@@ -123,9 +123,12 @@ class McapFile:
         """
         names = set(self.counts if topic_names is None else topic_names)
         ids = {channel_id for channel_id, topic in self.topics.items() if topic.name in names}
+        first_ns, last_ns = first_ns or 0, 2**64 if last_ns is None else last_ns
+        if self.is_indexed and not self._chunks_within(first_ns, last_ns):
+            return  # one of many files of a bag, most of which stay closed
         with mcap_errors(self.path), self.path.open("rb") as stream:
             read = self._in_time_order if self.is_indexed else self._in_file_order
-            yield from read(stream, ids, first_ns or 0, 2**64 if last_ns is None else last_ns)
+            yield from read(stream, ids, first_ns, last_ns)
 
     def _in_time_order(
         self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int

@@ -9,7 +9,7 @@ from itertools import groupby
 from pathlib import Path
 
 from advpipe.pipeline.adversary.notes import join_notes
-from advpipe.pipeline.bag.frames import FrameSlice, read_frames
+from advpipe.pipeline.bag.frame_reader import FrameReader
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
@@ -68,7 +68,8 @@ def cloud_attacker(
     batches; else cloud by cloud. Several processes may share a GPU: each is started anew and has a CUDA
     context of its own.
     """
-    reader = BagReader(clean)
+    bag = BagReader(clean)
+    readers = {topic: FrameReader(bag, topic) for topic in {cloud.topic for cloud in clouds}}
     detectors = {spec.detector: load_attacked(spec.detector, device) for spec in attacks}
 
     @cache
@@ -79,8 +80,7 @@ def cloud_attacker(
     def attack_cloud(place: int, attack: LidarAttack, detector: ObjectDetector) -> LidarResult:
         cloud = clouds[place]
         spec = attacks[cloud.attack]
-        only = FrameSlice(cloud.frame, cloud.frame + 1)
-        (frame,) = read_frames(reader, only, lidar_topic=cloud.topic)
+        frame = readers[cloud.topic].frame(cloud.frame)
         named = filter(None, [spec.victim, spec.lidar, spec.seed_name])  # two LiDARs draw apart
         recipe = resolved_recipe(spec, LIDAR_ATTACKS.find(spec.type))
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)

@@ -37,7 +37,7 @@ from advpipe.stages.evaluate.detection.comparison import (
 from advpipe.stages.evaluate.detection.defence_run import DefenceRun, evenly_spread
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
-from advpipe.stages.evaluate.detection.pairing import pair_frames
+from advpipe.stages.evaluate.detection.pairing import NO_FRAME, FramePairs, PairReader
 from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.random_change import SpentBudget
 from advpipe.stages.evaluate.detection.scoring import (
@@ -72,8 +72,8 @@ class DetectionRun:
         Frame by frame nothing depends on another frame, nor on the number of worker processes. Raises
         UsageError for an adversarial bag that holds none of the chosen frames.
         """
-        frames = self._frames_to_read.indices(count_frames(self.clean, self.options.lidar_topic))
-        results_of_frames = map_jobs(self.prepare, frames, "detecting", workers)
+        pairs = self._pairs()
+        results_of_frames = map_jobs(partial(self.prepare, pairs), pairs.chosen, "detecting", workers)
         bags: list[tuple[Path | None, Provenance]] = [*self.adversarial.items()] or [(None, Provenance({}))]
         results_of_bags = zip(*results_of_frames, strict=True)
         detector = load_detector(self.detector, self.options.device)
@@ -89,8 +89,6 @@ class DetectionRun:
                 defences=tuple(parse_defences(self.options.defences)),
                 baseline_tries=self._baseline_tries(provenance),
             )
-            if not comparison.frames:
-                raise UsageError(f"{bag} holds none of the frames {self.options.frames}; choose others")
             comparisons.append(comparison)
         return comparisons
 
@@ -113,6 +111,15 @@ class DetectionRun:
         attacked = {provenance.get("frames") for provenance in self.adversarial.values()}
         return FrameSlice.parse(name) if len(attacked) == 1 and (name := attacked.pop()) else ALL_FRAMES
 
+    def _pairs(self) -> FramePairs:
+        topic, is_part = self.options.lidar_topic, self.options.frames != ALL_FRAMES
+        chosen = self._frames_to_read.indices(count_frames(self.clean, topic))
+        pairs = FramePairs.of(self.clean, tuple(self.adversarial), chosen, topic, is_part=is_part)
+        for bag, frames in pairs.adversarial.items():
+            if not (frames != NO_FRAME).any():
+                raise UsageError(f"{bag} holds none of the frames {self.options.frames}; choose others")
+        return pairs
+
     @property
     def _defence_run(self) -> DefenceRun:
         return DefenceRun(self.options.defences, self.options.seed)
@@ -132,29 +139,20 @@ class DetectionRun:
             chosen.append(evenly_spread(frames, self.options.most_defended(len(frames))))
         return chosen
 
-    def prepare(self) -> Callable[[int], list[FrameResult | None]]:
-        """What one process does: score a frame, by its index in the clean bag, of every adversarial bag.
-
-        The indices must rise: the bags are read once, from front to back.
-        """
+    def prepare(self, pairs: FramePairs) -> Callable[[int], list[FrameResult | None]]:
+        """What one process does: score a frame, by its index in the clean bag, of every adversarial bag."""
         adaptation = self.options.adaptation
         loaded = load_detector(self.detector, self.options.device)
         detector = CachedDetector(adapted_detector(loaded, adaptation))
         reader, lidar_topic = BagReader(self.clean), self.options.lidar_topic
         occlusion = Occlusion(reader, find_lidar_topic(reader, lidar_topic))
         checks = AttackChecks.learnt(self.options, self.clean, loaded, detector) if self.adversarial else None
-        frames, is_part = self._frames_to_read, self.options.frames != ALL_FRAMES
-        pairs = pair_frames(self.clean, tuple(self.adversarial), frames, lidar_topic, is_part=is_part)
-        last = frames.indices(count_frames(self.clean, lidar_topic))[-1]
+        frames = PairReader(pairs)
         defended_frames = self._defended_frames()
 
         def score_frame(index: int) -> list[FrameResult | None]:
             # Read the clean frame and its adversarial versions.
-            frame, versions = next(pair for pair in pairs if pair[0].index == index)
-            if index == last:
-                next(pairs, None)  # refuses adversarial frames that come after all clean ones
-            if self.adversarial and not any(versions):
-                return [None] * len(versions)
+            frame, versions = frames.frames(index)
             # The ground truth, and what the detector finds of it in the clean cloud.
             truth = ground_truth(frame, detector.classes, detector.range_m, occlusion.at(frame.stamp_ns))
             with fixed_torch_threads():
