@@ -48,10 +48,10 @@ class ActionId(NamedTuple):
 class Denm:
     """A DENM; times in UTC since 1970, with the precision of a millisecond.
 
-    station_id: of the sender. action: of the event. detection_ns, reference_ns: when the event was detected,
-    and when this state of it was generated. The event's position is in WGS 84, None where unavailable;
-    heading_rad clockwise from north. kind: None for another cause, and for a termination without one.
-    traces: the path to the event.
+    station_id: of the sender. action: of the event. detection_ns, reference_ns: when this state of the event,
+    or its end, was detected, and when it was generated (annex B.10, B.11). validity_s: after detection_ns.
+    The event's position is in WGS 84, None where unavailable; heading_rad clockwise from north. kind: None
+    for another cause, and for a termination without one. traces: the path to the event.
     """
 
     station_id: int
@@ -79,7 +79,7 @@ class Denm:
         return replace(
             self,
             station_id=by,
-            detection_ns=self.detection_ns,
+            detection_ns=now_ns,
             reference_ns=now_ns if is_own else self.reference_ns,
             termination=Termination.CANCELLATION if is_own else Termination.NEGATION,
             kind=None,

@@ -31,11 +31,14 @@ class _Event:
 class DenmGenerator:
     """Sends the DENMs of one station. phase_ns: how long after an update of its state it sends.
 
+    An event that has moved by `UPDATE_M`, or for which half of its validity is over, is detected anew.
+
     station_id: what it calls itself. number: of its next event.
     """
 
     def __init__(self, rules: DenmRules, station_id: int, phase_ns: int, number: int = 0) -> None:
         self._validity_s, self._interval_ns = rules.validity_s, round(rules.repetition_s * 1e9)
+        self._update_ns = rules.validity_s * 500_000_000
         self._phase_ns = phase_ns
         self.station_id, self._number = station_id, number % NUMBERS
         self._path = PathHistory()
@@ -59,7 +62,8 @@ class DenmGenerator:
             if kind in kinds and event is None:
                 self._events[kind] = _Event(self._announced(kind, state), now_ns + self._phase_ns)
             elif kind in kinds and event is not None:
-                if _moved_m(event.denm, state) > UPDATE_M:
+                is_old = state.time_ns - event.denm.detection_ns >= self._update_ns
+                if is_old or _moved_m(event.denm, state) > UPDATE_M:
                     event.denm = self._state_of(event.denm, state)
             elif event is not None:
                 del self._events[kind]
@@ -95,10 +99,11 @@ class DenmGenerator:
         return self._state_of(first, state)
 
     def _state_of(self, denm: Denm, state: StationState) -> Denm:
-        """The same event with the station's present state."""
+        """The same event, detected anew with the station's present state: its validity begins again."""
         place = state.latitude_deg, state.longitude_deg, state.altitude_m
         return replace(
             denm,
+            detection_ns=state.time_ns,
             reference_ns=state.time_ns,
             latitude_deg=state.latitude_deg,
             longitude_deg=state.longitude_deg,

@@ -15,6 +15,8 @@ from advpipe.stages.attack.bounds import checked_choice, checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.overheard_messages import RECEPTION_RANGE_M
 
+MOST_PHASE_NS = 10_000_000
+"""Several attackers that answer the same DENM do not send at the same time."""
 MODES = ("negate", "cancel", "drop")
 
 
@@ -23,8 +25,8 @@ class DenmSuppress(V2xAttack):
 
     mode: "negate" says under the attacker's own station id that the event is over; "cancel" says so under
     the station id of the station that announced it; "drop" sends none of the attacker's own DENMs. An
-    attacker answers DENMs that are sent within range_m of it, reaction_s later, and the same event again
-    after repetition_s at the earliest.
+    attacker answers DENMs that are sent within range_m of it, reaction_s and a constant of its own below
+    10 ms later, and the same event again after repetition_s at the earliest.
     """
 
     traits = V2xTraits(every_message_matters=True, needs_traffic=False, message_types=(DENM.name,))
@@ -46,6 +48,7 @@ class DenmSuppress(V2xAttack):
             checked_number(context.name, "repetition_s", repetition_s, 0.01, 600) * 1e9
         )
         self._last_ns: dict[tuple[int, ActionId], int] = {}
+        self._phases_ns: dict[int, int] = {}
         self._pending: list[tuple[int, int, Denm]] = []
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
@@ -71,7 +74,13 @@ class DenmSuppress(V2xAttack):
                 last_ns = self._last_ns.get((attacker, denm.action))
                 if last_ns is None or one.request_ns - last_ns >= self._repetition_ns:
                     self._last_ns[attacker, denm.action] = one.request_ns
-                    self._pending.append((one.request_ns + self._reaction_ns, attacker, denm))
+                    at_ns = one.request_ns + self._reaction_ns + self._phase_ns(attacker)
+                    self._pending.append((at_ns, attacker, denm))
+
+    def _phase_ns(self, attacker: int) -> int:
+        if attacker not in self._phases_ns:
+            self._phases_ns[attacker] = int(self.context.rng("phase", attacker).integers(MOST_PHASE_NS))
+        return self._phases_ns[attacker]
 
     def _answers(self, begin_ns: int, end_ns: int) -> Iterator[Sent]:
         """The terminations that are due, of attackers that are still active."""

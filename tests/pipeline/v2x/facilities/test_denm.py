@@ -124,7 +124,7 @@ def test_tshark_reads_geographical_broadcasts_of_denms(security: str, tmp_path: 
         "its.stationID": ("7", "7"),
         "its.originatingStationID": ("7", "7"),
         "its.sequenceNumber": ("513", "513"),
-        "denm.detectionTime": (str(timestamp_its_ms(BRAKING.detection_ns)),) * 2,
+        "denm.detectionTime": tuple(str(timestamp_its_ms(one.detection_ns)) for one in (BRAKING, CANCELLED)),
         "denm.referenceTime": tuple(str(timestamp_its_ms(one.reference_ns)) for one in (BRAKING, CANCELLED)),
         "denm.termination": ("", "0"),
         "denm.validityDuration": ("10", "10"),

@@ -90,6 +90,19 @@ def test_events_of_others_are_ended(clean: BagReader, tmp_path: Path, mode: str)
         own = denm.station_id == one.station_id
         assert (denm.termination is Termination.NEGATION) == own == (mode == "negate")
     assert len(labels) == len(added)
+    assert len({one.station_id for one in added}) > 3
+
+
+def test_stations_do_not_warn_at_the_same_nanosecond(clean: BagReader, tmp_path: Path) -> None:
+    for name in ("denm-false", "denm-suppress"):
+        folder = tmp_path / name
+        folder.mkdir()
+        _, after, labels = attacked(clean, folder, name)
+        senders: dict[int, set[int]] = {}
+        for number in denms_of(list(after.values())):
+            senders.setdefault(after[number].request_ns, set()).add(after[number].station_id)
+        assert len(labels) > 20
+        assert not [time_ns for time_ns, stations in senders.items() if len(stations) > 1]
 
 
 def test_an_attacker_keeps_its_own_warnings_to_itself(clean: BagReader, tmp_path: Path) -> None:
