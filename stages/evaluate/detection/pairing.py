@@ -73,7 +73,7 @@ class FramePairs:
         pairs = {bag: pair_frames(clean, bag, chosen, lidar_topic, is_part=is_part) for bag in bags}
         held = np.any([places != NO_FRAME for places in pairs.values()], axis=0)
         kept = np.flatnonzero(held) if bags else np.arange(len(chosen))
-        frames = tuple(int(chosen[place]) for place in kept)
+        frames = tuple(int(chosen[int(place)]) for place in kept)
         return cls(clean, frames, {bag: places[kept] for bag, places in pairs.items()}, lidar_topic)
 
 
