@@ -26,6 +26,20 @@ SURFACES = (
 
 
 @dataclass(frozen=True)
+class SurfaceDetail:
+    """What is finer than the shapes of surfaces, at the hits of R rays.
+
+    texture: (R,) float32, factor of the reflectivity, 1 on average. relief_m: (R,) float32, how far the
+    surface stands out there, along its normal. gloss: (R,) float32 in [0, 1], share of the reflectivity that
+    is returned only near the normal, as by metallic paint. Texture and relief are fixed to the surface.
+    """
+
+    texture: Float32
+    relief_m: Float32
+    gloss: Float32
+
+
+@dataclass(frozen=True)
 class Hits:
     """The first hit of each of R rays.
 
@@ -50,6 +64,11 @@ class Hits:
     @property
     def surfaces(self) -> npt.NDArray[np.uint8] | None:
         """Index into `SURFACES` (R,), arbitrary where a ray hits nothing; None in a world that names none."""
+        return None
+
+    def detail(self) -> SurfaceDetail | None:
+        """The detail at the hits of the R rays, arbitrary where a ray hits nothing; None in a world of
+        smooth, plain surfaces."""
         return None
 
 
@@ -88,4 +107,13 @@ class ScanningSurroundings(Protocol):
 
     def scan(self, name: str, range_m: float) -> Scan:
         """The turn of the vehicle's LiDAR `name` that ends now; M as in `road_users(range_m)`."""
+        ...
+
+
+@runtime_checkable
+class CarrierSurroundings(Protocol):
+    """The surroundings in a world that knows the body of the vehicle itself."""
+
+    def cast_own_body(self, rays: Float32) -> Hits:
+        """Cast rays (R, 6) in the vehicle's base_link into its own body alone; `objects` is -1."""
         ...

@@ -11,8 +11,7 @@ Not modelled: wet roads, spray behind vehicles, drops on the sensor's window, wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -41,8 +40,7 @@ PULSE_M = 299_792_458.0 * 5e-9
 """Length in air of a pulse with a width of 5 ns at half power, as stated for HDL-64E."""
 
 
-@dataclass(frozen=True)
-class Echoes:
+class Echoes(NamedTuple):
     """The strongest echo of the air along each of K rays.
 
     rays: (K,) int64, each at most once. range_m: (K,) float32. signal: (K,) float32, as the reflectivity of a

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.pipeline.sensors.world import Hits
+from advpipe.pipeline.sensors.world import Hits, SurfaceDetail
 
 Float32 = npt.NDArray[np.float32]
 
@@ -31,20 +31,55 @@ DETECTED_AT_RANGE = 0.9
 range."""
 
 
-def return_signal(hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float) -> Float32:
+GLOSS_VARIANCE = np.float32(np.deg2rad(12.0) ** 2)
+"""Variance of the slope of the flakes in metallic paint: the light of a lobe falls with tan^2 of the angle
+(Beckmann and Spizzichino 1963), to 0.70 at 10 degrees and 0.02 at 30."""
+
+WATER_INDEX = np.float32(1.33)
+
+
+def return_signal(
+    hits: Hits, seen: npt.NDArray[np.intp], attenuation_per_m: float, detail: SurfaceDetail | None = None
+) -> Float32:
     """Signal (len(seen),) float32 of the rays `seen`; 1 is a white diffuse target at normal incidence.
 
-    It is reflectivity x incidence (Oren-Nayar) x transmission of window panes x exp(-a d), as in CARLA.
-    There is no other dependence on range: sensors report calibrated reflectivity, not power.
+    It is reflectivity x incidence (Oren-Nayar) x transmission of window panes x exp(-a d), as in CARLA, and
+    with the texture and gloss of `detail`, if given. There is no other dependence on range: sensors report
+    calibrated reflectivity, not power.
     """
     cos = hits.cos_incidence[seen]
     signal = cos + GRAZING_SHARE * (1 - cos * cos)
     signal *= hits.reflectivity[seen]
+    if detail is not None:
+        signal *= detail.texture[seen]
+        gloss = detail.gloss[seen]
+        glossy = np.flatnonzero(gloss)
+        signal[glossy] *= 1 - gloss[glossy] * (1 - gloss_lobe(cos[glossy]))
     is_retroreflected = hits.retroreflective[seen] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
     signal[is_retroreflected] = RETRO_SIGNAL
     signal *= hits.transmission[seen]
     signal *= np.exp(hits.range_m[seen] * np.float32(-attenuation_per_m))
     return signal
+
+
+def gloss_lobe(cos: Float32) -> Float32:
+    """Light (N,) that a glossy surface returns, relative to that at normal incidence."""
+    square = np.maximum(np.square(cos), np.float32(1e-4))
+    lobe: Float32 = np.exp((1 - 1 / square) / (2 * GLOSS_VARIANCE))
+    return lobe
+
+
+def wet_share(cos: Float32) -> Float32:
+    """Signal (N,) of a rough surface under a film of water, relative to the dry one.
+
+    Light passes the film twice, with Fresnel losses (Schlick 1994), and spreads on leaving over n^2 times the
+    solid angle (Lekner and Dorf, Why some things are darker when wet, 1988): 0.54 at normal incidence, 0.21
+    at 80 degrees; the rest of a grazing beam is mirrored away.
+    """
+    normal = ((WATER_INDEX - 1) / (WATER_INDEX + 1)) ** 2
+    passed = 1 - (normal + (1 - normal) * (1 - cos) ** 5)
+    share: Float32 = np.square(passed) / WATER_INDEX**2
+    return share
 
 
 def noise_floor(sensor: LidarSensor, range_m: Float32, reflectivity: float | None = None) -> Float32:

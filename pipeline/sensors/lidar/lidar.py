@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, xyz
-from advpipe.pipeline.sensors.lidar.atmosphere import (
-    ASSUMED_REFLECTIVITY,
-    Echoes,
-    atmosphere_of,
-    transmission,
-)
-from advpipe.pipeline.sensors.lidar.intensity import detected_share, kept_share, noise_floor, return_signal
+from advpipe.pipeline.sensors.lidar.atmosphere import atmosphere_of
+from advpipe.pipeline.sensors.lidar.edges import bloom, is_dazzling
+from advpipe.pipeline.sensors.lidar.losses import Patches
+from advpipe.pipeline.sensors.lidar.own_body import OwnBody, look_at_own_body
+from advpipe.pipeline.sensors.lidar.points import Points
+from advpipe.pipeline.sensors.lidar.receiver import received
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.lidar.sweep import LidarSweep, mounting
+from advpipe.pipeline.sensors.lidar.targets import targets_of
 from advpipe.pipeline.sensors.weather import Weather
-from advpipe.pipeline.sensors.world import Hits
+from advpipe.pipeline.sensors.world import CarrierSurroundings, Hits
 
 Float32 = npt.NDArray[np.float32]
-
-MIN_RANGE_M = 0.9
-
-CLEAR_MARGIN = np.float32(2.0)
-"""For a sensor that detects everything in range, the return of every surface in clear air is at least this
-many times the noise floor; bad weather reduces this margin."""
-
-WEAK_NOISE_M = 0.09
-"""The range error of a return as strong as the noise is this over sqrt(2) (LISA, Kilic et al. 2021)."""
 
 
 class Lidar:
@@ -44,16 +35,39 @@ class Lidar:
     """
 
     def __init__(
-        self, sensor: LidarSensor, step_s: float | None = None, weather: Weather | None = None
+        self,
+        sensor: LidarSensor,
+        step_s: float | None = None,
+        weather: Weather | None = None,
+        calibration: np.random.Generator | None = None,
     ) -> None:
-        self._sensor = sensor
-        self._sweep = LidarSweep(sensor)
-        self._air = atmosphere_of(weather or Weather(), sensor)
+        """calibration: draws the fixed errors of the rings; without it they are perfect."""
+        self._sensor, self._real = sensor, sensor.imperfections
+        elevation_error_rad = None
+        self._ring_error_m: Float32 = np.zeros(sensor.channels, np.float32)
+        if calibration is not None:
+            draws = calibration.standard_normal((2, sensor.channels))
+            elevation_error_rad = draws[0] * np.deg2rad(self._real.ring_elevation_stddev_deg)
+            self._ring_error_m = (draws[1] * self._real.ring_range_stddev_m).astype(np.float32)
+        self._sweep = LidarSweep(sensor, elevation_error_rad)
+        weather = weather or Weather()
+        self._air = atmosphere_of(weather, sensor)
+        self._wetness = min(weather.rate_mm_per_h, 1.0) if weather.kind == "rain" else 0.0
+        self._patches = (
+            Patches(self._sweep.columns, self._sweep.channels) if self._real.patchy_losses else None
+        )
+        self._own: OwnBody | None = None
         self._turn_steps = 1 if step_s is None else round(1 / (sensor.rotation_frequency * step_s))
         self._times_s = (
             self._sweep.times_s if sensor.motion_distortion else np.zeros_like(self._sweep.times_s)
         )
         self.base_SE3_lidar: Float64 = mounting(sensor)
+
+    def mount_on(self, world: CarrierSurroundings) -> None:
+        """Let the body of the vehicle in this world shade the rays and return light."""
+        if self._real.own_body:
+            rays = self._sweep.rays(np.eye(4), self.base_SE3_lidar, None)
+            self._own = look_at_own_body(world, rays, self.base_SE3_lidar)
 
     def is_due(self, frame: int) -> bool:
         """Whether a turn ends at this frame."""
@@ -79,18 +93,35 @@ class Lidar:
         moves the point off its ray.
         """
         noise = rng.standard_normal(len(hits.range_m), dtype=np.float32)
-        uniform = rng.random(len(hits.range_m), dtype=np.float32)
-        rays = np.flatnonzero((hits.range_m >= MIN_RANGE_M) & (hits.range_m <= self._sensor.range))
-        range_m = hits.range_m[rays]
-        clear = return_signal(hits, rays, self._sensor.atmosphere_attenuation_rate)
-        signal, share, stddev_m = self._received(clear, range_m)
-        share *= kept_share(self._sensor, np.minimum(signal, 1))
-        kept = np.flatnonzero(uniform[rays] < share)
-        rays, range_m = rays[kept], range_m[kept] + noise[rays[kept]] * stddev_m[kept]
-        points = _Points(rays, range_m, signal[kept], hits.objects[rays])
+        if self._patches is None:
+            uniform = rng.random(len(hits.range_m), dtype=np.float32)
+        else:
+            uniform = self._patches.uniform(rng)
+        targets = targets_of(hits, self._sensor, self._sweep, self._own, self._wetness, rng)
+        light = received(self._sensor, self._air, targets)
+        kept = np.flatnonzero(uniform[targets.rays] < light.share)
+        rays = targets.rays[kept]
+        range_m = targets.range_m[kept] - targets.relief_m[kept] + noise[rays] * light.stddev_m[kept]
+        range_m += self._ring_error_m[self._sweep.rings[rays]]
+        points = Points(rays, range_m, light.signal[kept], targets.objects[kept])
+        if self._real.blooming_deg:
+            points = self._with_blooming(points, len(hits.range_m))
         if self._air is not None:
-            points = _with_stronger_echoes(points, self._air.echoes(len(hits.range_m), rng), hits.range_m)
+            echoes = self._air.echoes(len(hits.range_m), rng)
+            of_air = Points(*echoes, np.full(len(echoes.rays), -1, np.int32))
+            points = points.with_stronger(of_air, targets.all_m)
         return self._cloud(points, velocities_mps)
+
+    def _with_blooming(self, points: Points, rays: int) -> Points:
+        """The points, and the light of retroreflectors in the rays beside theirs."""
+        dazzling = np.flatnonzero(is_dazzling(points.signal))
+        if not len(dazzling):
+            return points
+        sweep, angle_rad = self._sweep, float(np.deg2rad(self._real.blooming_deg))
+        found = bloom(points.rays[dazzling], points.signal[dazzling], sweep, angle_rad)
+        source = np.searchsorted(points.rays, found.sources)
+        beside = Points(found.rays, points.range_m[source], found.signal, points.objects[source])
+        return points.with_stronger(beside, np.full(rays, np.inf, np.float32))
 
     def undistorted(self, cloud: Cloud, base_twist: Float64) -> npt.NDArray[np.floating[Any]]:
         """Points (N, 3) of a cloud in the LiDAR's frame at its stamp: compensated for the vehicle's motion.
@@ -101,27 +132,10 @@ class Lidar:
             return xyz(cloud)
         return self._sweep.undistorted(xyz(cloud), cloud["time"], self.base_SE3_lidar, base_twist)
 
-    def _received(self, clear: Float32, range_m: Float32) -> tuple[Float32, Float32, Float32]:
-        """The received part of the clear-air signal, the share that is detected, and the range error."""
-        sensor, air = self._sensor, self._air
-        stddev_m = np.full(len(clear), sensor.noise_stddev, np.float32)
-        has_reflectivity = sensor.range_reflectivity > 0
-        if air is None and not has_reflectivity:
-            return clear, np.ones_like(clear), stddev_m
-        margin = clear / noise_floor(sensor, range_m, None if has_reflectivity else ASSUMED_REFLECTIVITY)
-        if air is None:
-            return clear, detected_share(margin), stddev_m
-        if not has_reflectivity:
-            np.maximum(margin, CLEAR_MARGIN, out=margin)
-        transmitted = transmission(air, range_m)
-        excess = (1 / np.maximum(transmitted, np.float32(1e-20)) - 1) / margin
-        stddev_m = np.sqrt(np.square(stddev_m) + np.float32(WEAK_NOISE_M**2 / 2) * excess)
-        return clear * transmitted, detected_share(margin * transmitted), stddev_m
-
-    def _cloud(self, points: _Points, velocities_mps: npt.ArrayLike | None) -> Cloud:
+    def _cloud(self, points: Points, velocities_mps: npt.ArrayLike | None) -> Cloud:
         sweep, grid_m, rays = self._sweep, np.float32(self._sensor.coordinate_grid_m), points.rays
         cloud = np.empty(len(rays), POINT_DTYPE)
-        cloud["intensity"] = np.minimum(points.signal, 1)
+        cloud["intensity"] = self._sensor.intensity_response.intensity(points.signal, points.range_m)
         cloud["ring"] = sweep.rings[rays]
         time_s = self._times_s[rays]
         cloud["time"] = time_s
@@ -139,36 +153,3 @@ class Lidar:
                 position_m = np.rint(position_m / grid_m) * grid_m  # exact: the grid is a power of two
             cloud[name] = position_m
         return cloud
-
-
-class _Points(NamedTuple):
-    """N points of one turn: rays (N,) int64 ascending, range_m (N,), signal (N,), objects (N,) as in Hits."""
-
-    rays: npt.NDArray[np.int64]
-    range_m: Float32
-    signal: Float32
-    objects: npt.NDArray[np.int32]
-
-
-def _with_stronger_echoes(points: _Points, echoes: Echoes, reach_m: Float32) -> _Points:
-    """The points, each replaced by a stronger echo of the air: a sensor reports the strongest return.
-
-    reach_m: (R,), the length of air along each of all rays.
-    """
-    power = np.zeros(len(reach_m), np.float32)
-    power[points.rays] = points.signal / np.square(points.range_m)
-    stronger = echoes.signal > power[echoes.rays] * np.square(echoes.range_m)
-    stronger &= echoes.range_m < reach_m[echoes.rays]
-    rays = echoes.rays[stronger]
-    air = _Points(rays, echoes.range_m[stronger], echoes.signal[stronger], np.full(len(rays), -1, np.int32))
-    # If a ray has both, the echo takes its slot; slots keep the order of the rays without sorting.
-    slot = np.full(len(reach_m), -1, np.int64)
-    slot[points.rays] = np.arange(len(points.rays))
-    slot[air.rays] = len(points.rays) + np.arange(len(air.rays))
-    order = slot[slot >= 0]
-    return _Points(
-        np.concatenate([points.rays, air.rays])[order],
-        np.concatenate([points.range_m, air.range_m])[order],
-        np.concatenate([points.signal, air.signal])[order],
-        np.concatenate([points.objects, air.objects])[order],
-    )

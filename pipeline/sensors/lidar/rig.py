@@ -15,7 +15,7 @@ from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.sensor import DriveSettings, Instant
-from advpipe.pipeline.sensors.world import ScanningSurroundings
+from advpipe.pipeline.sensors.world import CarrierSurroundings, ScanningSurroundings
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,15 @@ class LidarRig:
     def __init__(self, vehicle: str, sections: Mapping[str, LidarSensor], drive: DriveSettings) -> None:
         self._vehicle, self._seed = vehicle, drive.seed
         self.lidars = {
-            name: Lidar(section, drive.step_s, drive.weather) for name, section in sections.items()
+            name: Lidar(
+                section,
+                drive.step_s,
+                drive.weather,
+                named_generator(drive.seed, "lidar calibration", vehicle, name),
+            )
+            for name, section in sections.items()
         }
+        self._is_mounted = False
         self._range_m = max((section.range for section in sections.values()), default=0.0)
 
     def look(self, instant: Instant) -> LidarView | None:
@@ -48,6 +55,10 @@ class LidarRig:
         if not due:
             return None
         motion, world = instant.motion, instant.world
+        if not self._is_mounted and isinstance(world, CarrierSurroundings):
+            for lidar in self.lidars.values():
+                lidar.mount_on(world)
+        self._is_mounted = True
         boxes = world.road_users(self._range_m)
         twist = np.concatenate([motion.base_velocity_mps, motion.turn_rate_radps])
         clouds: dict[str, Cloud] = {}

@@ -24,7 +24,9 @@ from advpipe.pipeline.core.section import (
     Whole,
 )
 from advpipe.pipeline.core.short_repr import short_repr
+from advpipe.pipeline.sensors.lidar.imperfections import Imperfections
 from advpipe.pipeline.sensors.lidar.presets import LIDAR_PRESETS
+from advpipe.pipeline.sensors.lidar.response import IntensityResponse
 from advpipe.pipeline.sensors.sensor import MountedSection
 
 _FAN = ("channels", "upper_fov", "lower_fov")
@@ -72,15 +74,21 @@ class LidarSensor(MountedSection):
     atmosphere_attenuation_rate: AttenuationPerM = Field(
         0.004, description="attenuation a of the intensity, exp(-a d), per metre"
     )
-    dropoff_general_rate: Probability = Field(0.02, description="share of points that are lost randomly")
+    dropoff_general_rate: Probability = Field(0.01, description="share of points that are lost randomly")
     dropoff_intensity_limit: Probability = Field(
-        0.3, description="intensity above which no points are lost by their intensity"
+        0.05, description="signal above which no points are lost by their signal"
     )
     dropoff_zero_intensity: Probability = Field(
-        0.4, description="share of points that are lost at intensity 0"
+        0.6, description="share of points that are lost at signal 0; it falls linearly up to the limit"
     )
     noise_stddev: NotNegative = Field(
-        0.02, le=1.0, description="standard deviation of the range noise in metres"
+        0.02, le=1.0, description="standard deviation of the range noise of a strong return in metres"
+    )
+    intensity_response: IntensityResponse = Field(
+        IntensityResponse(), description="how the reported intensity follows from the signal"
+    )
+    imperfections: Imperfections = Field(
+        Imperfections(), description="what sets a real sensor apart from an ideal one, one key an effect"
     )
     motion_distortion: Switch = Field(
         False, description="columns of a turn leave one after another while the vehicle moves"

@@ -21,9 +21,11 @@ class LidarSweep:
 
     directions: (3, R) float32, unit vectors in the LiDAR's frame.
     rings: (R,) uint16, 0 is the lowest. times_s: (R,) float32, relative to the end of the turn, at most 0.
+    elevation_error_rad: (channels,), by how much each ring's rays leave higher than `directions`, which the
+    sensor believes in.
     """
 
-    def __init__(self, sensor: LidarSensor) -> None:
+    def __init__(self, sensor: LidarSensor, elevation_error_rad: Float64 | None = None) -> None:
         angles = sensor.vertical_angles_deg
         if angles is None:
             angles = tuple(np.linspace(sensor.lower_fov, sensor.upper_fov, sensor.channels).tolist())
@@ -31,12 +33,15 @@ class LidarSweep:
         elevation = np.deg2rad(np.asarray(angles))
         azimuth = np.pi - 2 * np.pi * np.arange(columns) / columns
         self._ahead, self._left = np.cos(azimuth), np.sin(azimuth)
-        self._flat, self._up = np.cos(elevation).astype(np.float32), np.sin(elevation).astype(np.float32)
         self._column_s = -(columns - 1 - np.arange(columns)) / columns / sensor.rotation_frequency
         self.rings = np.tile(np.arange(channels, dtype=np.uint16), columns)
         self.times_s: Float32 = np.repeat(self._column_s, channels).astype(np.float32)
+        self.columns, self.channels = columns, channels
+        self._fan = _fan(elevation)
         directions = self._spread(np.eye(3)[None], np.zeros((1, 3)))[:, 3:]
         self.directions: Float32 = np.ascontiguousarray(directions.T)
+        if elevation_error_rad is not None:
+            self._fan = _fan(elevation + elevation_error_rad)
 
     def rays(self, map_SE3_base: Float64, base_SE3_lidar: Float64, base_twist: Float64 | None) -> Float32:
         """Rays (R, 6) in the map frame: origin, unit direction.
@@ -64,12 +69,17 @@ class LidarSweep:
         """Rays (R, 6) for the rotations (columns or 1, 3, 3) and origins (columns or 1, 3)."""
         level = self._ahead[:, None] * rotation[:, :, 0] + self._left[:, None] * rotation[:, :, 1]
         level, up = level.astype(np.float32), rotation[:, :, 2].astype(np.float32)
-        rays = np.empty((len(level), len(self._flat), 6), np.float32)
+        flat, high = self._fan
+        rays = np.empty((len(level), len(flat), 6), np.float32)
         rays[..., :3] = origin_m[:, None]
         for axis in range(3):  # axis by axis: operations on rows of three numbers are slow
-            np.multiply(level[:, axis, None], self._flat, out=rays[..., 3 + axis])
-            rays[..., 3 + axis] += up[:, axis, None] * self._up
+            np.multiply(level[:, axis, None], flat, out=rays[..., 3 + axis])
+            rays[..., 3 + axis] += up[:, axis, None] * high
         return rays.reshape(-1, 6)
+
+
+def _fan(elevation: Float64) -> tuple[Float32, Float32]:
+    return np.cos(elevation).astype(np.float32), np.sin(elevation).astype(np.float32)
 
 
 def poses_at(twist: Float64, times_s: Float64) -> Float64:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.core.open3d_library import o3d
-from advpipe.pipeline.sensors.world import Hits
+from advpipe.pipeline.sensors.world import Hits, SurfaceDetail
 from advpipe.stages.simulate.world.raycast.materials import (
     REFLECTIVITY,
     RETROREFLECTIVE,
@@ -16,6 +16,7 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TRANSMITTANCE,
 )
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
+from advpipe.stages.simulate.world.raycast.surface_detail import DetailMap
 from advpipe.stages.simulate.world.raycast.visible_hits import PaneCrossings, VisibleHits
 
 Float32 = npt.NDArray[np.float32]
@@ -37,15 +38,24 @@ STEP_M = np.float32(1e-3)
 class MaterialHits(Hits):
     """Hits with their materials (R,) uint8, as in `materials.py`.
 
-    objects: index into the moving road users; -1 for the static world, -2 - k for parked car k.
+    objects: index into the moving road users; -1 for the static world, -2 - k for parked car k. origins:
+    the rays (R, 6) and the map with the surfaces' detail, if they have any.
     """
 
     materials: npt.NDArray[np.uint8]
+    origins: tuple[Float32, DetailMap] | None = None
 
     @property
     def surfaces(self) -> npt.NDArray[np.uint8]:
         """See `Hits`: the semantic classes of the materials."""
         return np.asarray(SEMANTIC[self.materials])
+
+    def detail(self) -> SurfaceDetail | None:
+        """See `Hits`."""
+        if self.origins is None:
+            return None
+        rays, details = self.origins
+        return details.at(rays, self.range_m, self.materials, self.objects == -1)
 
     @classmethod
     def of(

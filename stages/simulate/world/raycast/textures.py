@@ -32,7 +32,7 @@ Texture = Callable[[Patch], Float32]
 
 
 @cache
-def _tile() -> Float32:
+def cloudy_tile() -> Float32:
     """Noise (SIZE, SIZE) with the power spectrum 1/f^2 and unit variance, periodic."""
     rng = np.random.default_rng(20260101)
     frequency = np.fft.fftfreq(SIZE)
@@ -45,19 +45,19 @@ def _tile() -> Float32:
 
 
 @cache
-def _grain_tile() -> Float32:
+def grain_tile() -> Float32:
     """White noise (SIZE, SIZE) with unit variance."""
     return np.random.default_rng(20260102).standard_normal(SIZE * SIZE).astype(np.float32)
 
 
 def smooth_noise(x_m: Float32, y_m: Float32, cell_m: float) -> Float32:
     """Cloudy noise (N,) of unit variance, with features of `cell_m` to 500 times that."""
-    return _lookup(_tile(), x_m, y_m, cell_m)
+    return _lookup(cloudy_tile(), x_m, y_m, cell_m)
 
 
 def white_noise(x_m: Float32, y_m: Float32, cell_m: float) -> Float32:
     """Independent noise (N,) of unit variance in each cell."""
-    return _lookup(_grain_tile(), x_m, y_m, cell_m)
+    return _lookup(grain_tile(), x_m, y_m, cell_m)
 
 
 def _lookup(tile: Float32, x_m: Float32, y_m: Float32, cell_m: float) -> Float32:
@@ -169,7 +169,7 @@ def _plaster(patch: Patch) -> Float32:
     return 1 + np.float32(0.05) * streaks + np.float32(0.04) * blotches
 
 
-def _tiles(patch: Patch) -> Float32:
+def _roof_tiles(patch: Patch) -> Float32:
     """Rows of roof tiles."""
     row = np.floor(patch.z_m * np.float32(1 / 0.22))
     edge = _joints(patch.z_m, 0.22, 0.05) * _fade(patch, 0.1)
@@ -190,6 +190,6 @@ TEXTURES: Mapping[str, Texture] = {
     "leaves": _leaves,
     "bark": _bark,
     "plaster": _plaster,
-    "tiles": _tiles,
+    "tiles": _roof_tiles,
 }
 """Every texture by its key."""

@@ -30,6 +30,7 @@ from advpipe.stages.simulate.world.raycast.occupied import Occupied
 from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, Returns, Scene
 from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
+from advpipe.stages.simulate.world.raycast.surface_detail import DetailMap
 from advpipe.stages.simulate.world.raycast.view import Viewer, moved_on
 
 NEAR_M = 10.0
@@ -62,6 +63,7 @@ class RaycastWorld:
         ]
         ground = merge(static)
         self._static = Scene(ground)
+        self._detail = DetailMap(generator("detail").random(2) * 40.0)
         meshes = body_meshes(variants, scenario.bodies)
         self._bodies = InstancedBodies(variants, meshes)
         self.parked_boxes = boxes_of(self.parked)
@@ -93,7 +95,7 @@ class RaycastWorld:
         road_users = [*users, *(self.parked[index] for index in near)]
         occlusion = np.zeros(len(users) + len(self.parked), np.float32)
         candidates = self._bodies.candidate_hits(rays, road_users)
-        hits = _merged(static, candidates, ids, occlusion)
+        hits = replace(_merged(static, candidates, ids, occlusion), origins=(rays, self._detail))
         hit = np.isfinite(candidates.returns.range_m)
         alone = np.bincount(candidates.users[hit], minlength=len(road_users))
         seen = candidates.returns.range_m == hits.range_m[candidates.rays]
@@ -101,6 +103,19 @@ class RaycastWorld:
         slots = np.concatenate([np.arange(len(users)), len(users) + near])
         occlusion[slots] = np.where(alone > 0, 1 - visible / np.maximum(alone, 1), 0.0)
         return hits
+
+    def cast_body(self, rays: Float32, user: RoadUser) -> MaterialHits:
+        """Cast rays (R, 6) in the user's base_link into its body alone."""
+        alone = self._bodies.candidate_hits(rays, [replace(user, map_SE3_base=np.eye(4))])
+        range_m, cos = np.full(len(rays), np.inf, np.float32), np.zeros(len(rays), np.float32)
+        materials, transmission = np.zeros(len(rays), np.uint8), np.ones(len(rays), np.float32)
+        range_m[alone.rays] = alone.returns.range_m
+        cos[alone.rays], materials[alone.rays] = alone.returns.cos_incidence, alone.returns.materials
+        alone.returns.panes.attenuate(range_m, transmission, alone.rays)
+        returns = Returns(range_m, cos, materials, alone.returns.panes)
+        objects = np.full(len(rays), -1, np.int32)
+        hits = MaterialHits.of(returns, range_m, transmission, objects, np.zeros(0, np.float32))
+        return replace(hits, origins=(rays, self._detail))
 
 
 class RaycastSurroundings:
@@ -123,6 +138,9 @@ class RaycastSurroundings:
         place[2 + parked] = len(moving) + np.arange(len(parked))
         objects = np.where(hits.objects < -1, place[np.maximum(-hits.objects, 0)], hits.objects)
         return replace(hits, objects=objects, occlusion=hits.occlusion[slots])
+
+    def cast_own_body(self, rays: Float32) -> Hits:
+        return self._world.cast_body(rays, self._carrier)
 
     def surfaces(self, rays: Float32, range_m: float, pixel_rad: float, time_s: float = 0.0) -> Surfaces:
         users = self._near_users(range_m)

@@ -18,6 +18,7 @@ from advpipe.pipeline.sensors.lidar.atmosphere import (
     snow,
     transmission,
 )
+from advpipe.pipeline.sensors.lidar.imperfections import IDEAL
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.weather import Weather
@@ -28,7 +29,7 @@ from advpipe.stages.simulate.world.raycast.scene import Scene
 
 MakeHits = Callable[..., Hits]
 
-SENSOR = LidarSensor(points_per_second=64 * 3600)
+SENSOR = LidarSensor(points_per_second=64 * 3600, imperfections=IDEAL)
 WORLD = Scene(
     merge(
         [
@@ -172,7 +173,12 @@ def test_nothing_echoes_behind_a_wall(facing: MakeHits) -> None:
 def test_a_wall_in_fog_equals_values_computed_by_hand(facing: MakeHits) -> None:
     # Plaster at 24 m and a visibility of 50 m: 0.6 exp(-2 x 0.059915 x 24) = 0.03380 arrives. A white target
     # at 100 m is just seen, so 0.9 (24/100)^2 = 0.05184 is needed: 0.652 of it, seen 1 - 0.1^0.4252 often.
-    quiet = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
+    quiet = {
+        "noise_stddev": 0.0,
+        "dropoff_general_rate": 0.0,
+        "dropoff_intensity_limit": 0.0,
+        "imperfections": IDEAL,
+    }
     sensor = LidarSensor(
         channels=1,
         upper_fov=1,

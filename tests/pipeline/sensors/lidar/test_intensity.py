@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from advpipe.pipeline.sensors.lidar.imperfections import IDEAL
 from advpipe.pipeline.sensors.lidar.intensity import GRAZING_SHARE, detected_share, noise_floor, return_signal
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
@@ -16,7 +17,12 @@ from advpipe.stages.simulate.world.raycast.materials import MATERIALS
 MakeHits = Callable[..., Hits]
 
 RAYS = 40_000
-QUIET = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
+QUIET = {
+    "noise_stddev": 0.0,
+    "dropoff_general_rate": 0.0,
+    "dropoff_intensity_limit": 0.0,
+    "imperfections": IDEAL,
+}
 ONE_CHANNEL = {"channels": 1, "upper_fov": 1, "lower_fov": 0, "points_per_second": RAYS * 10}
 
 
@@ -55,7 +61,7 @@ def test_weak_returns_are_lost_as_in_carla(facing: MakeHits) -> None:
     # Plaster at 50 m: 0.6 exp(-0.2) = 0.4912. Half of what is at zero times 1 - 0.4912/0.8, and a tenth more.
     sensor = LidarSensor(
         noise_stddev=0, dropoff_general_rate=0.1, dropoff_intensity_limit=0.8, dropoff_zero_intensity=0.5,
-        **ONE_CHANNEL,
+        imperfections=IDEAL, **ONE_CHANNEL,
     )  # fmt: skip
     expected = 0.9 * (1 - 0.5 * (1 - 0.4912 / 0.8))
     assert share_kept(sensor, facing(RAYS, 50, "plaster")) == pytest.approx(expected, abs=0.008)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
+from advpipe.pipeline.sensors.lidar.imperfections import IDEAL
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.stages.simulate.world.raycast.materials import MATERIALS
@@ -15,7 +16,12 @@ from advpipe.stages.simulate.world.raycast.scene import Scene
 PLANE = surface(
     [[-200, -200, 0], [200, -200, 0], [200, 200, 0], [-200, 200, 0]], [[0, 1, 2], [0, 2, 3]], "asphalt"
 )
-QUIET = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
+QUIET = {
+    "noise_stddev": 0.0,
+    "dropoff_general_rate": 0.0,
+    "dropoff_intensity_limit": 0.0,
+    "imperfections": IDEAL,
+}
 
 
 def sweep(sensor: LidarSensor, scene: Scene, yaw_rad: float = 0.0) -> np.ndarray:
@@ -69,7 +75,7 @@ def test_intensity_fades_by_the_attenuation_rate() -> None:
 def test_noise_and_loss_have_the_configured_size() -> None:
     noisy = LidarSensor(
         channels=8, lower_fov=-30, upper_fov=-10, points_per_second=8 * 10 * 2000, noise_stddev=0.05,
-        dropoff_general_rate=0.25, dropoff_intensity_limit=0.0,
+        dropoff_general_rate=0.25, dropoff_intensity_limit=0.0, imperfections=IDEAL,
     )  # fmt: skip
     cloud = sweep(noisy, Scene(PLANE))
     assert len(cloud) == pytest.approx(0.75 * 16000, rel=0.02)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from advpipe.pipeline.geometry.transforms import se3_from_yaw, transform_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.sensors.lidar.imperfections import IDEAL
 from advpipe.pipeline.sensors.lidar.lidar import Lidar
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.lidar.sweep import mounting, poses_at
@@ -18,7 +19,12 @@ from advpipe.pipeline.sensors.world import Hits
 from advpipe.stages.simulate.world.raycast.mesh import box_mesh, surface
 from advpipe.stages.simulate.world.raycast.scene import Scene
 
-QUIET = {"noise_stddev": 0.0, "dropoff_general_rate": 0.0, "dropoff_intensity_limit": 0.0}
+QUIET = {
+    "noise_stddev": 0.0,
+    "dropoff_general_rate": 0.0,
+    "dropoff_intensity_limit": 0.0,
+    "imperfections": IDEAL,
+}
 TWIST = np.array([15.0, -0.5, 0.2, 0.02, -0.03, 0.4])
 
 
