@@ -10,6 +10,7 @@ import numpy.typing as npt
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.sensors.world import Hits
 from advpipe.stages.simulate.world.raycast.materials import (
+    CLARITY,
     REFLECTIVITY,
     RETROREFLECTIVE,
     SEMANTIC,
@@ -180,7 +181,7 @@ class Scene:
             if not len(through):
                 break
             panes = self._materials[triangles[through]]
-            passed.append((through, range_m[through], np.sqrt(TRANSMITTANCE[panes]), normals[through]))
+            passed.append((through, range_m[through], np.sqrt(CLARITY[panes]), normals[through]))
             start_m = range_m[through] + STEP_M
             onward = rays[through]
             onward[:, :3] += start_m[:, None] * onward[:, 3:]
