@@ -53,9 +53,9 @@ _MATERIALS = {
     "facade_concrete": Material(0.35, "building", colour="#b3b0a8", texture="plaster"),
     "room": Material(0.30, "building", colour="#544d45"),
     "pane": Material(0.10, "building", transmittance=0.55, colour="#1d2a30", specular=0.08),
-    "glass": Material(0.10, "vehicle", transmittance=0.25, clarity=0.80, colour="#18211f", specular=0.06),
+    "glass": Material(0.10, "vehicle", transmittance=0.20, clarity=0.80, colour="#18211f", specular=0.06),
     "glass_tinted": Material(
-        0.10, "vehicle", transmittance=0.06, clarity=0.50, colour="#0c1012", specular=0.06
+        0.10, "vehicle", transmittance=0.04, clarity=0.50, colour="#0c1012", specular=0.06
     ),
     "steel": Material(0.40, "pole", colour="#8b9094", specular=0.04),
     "wood": Material(0.45, "other", colour="#8a6a47", texture="bark"),
@@ -68,7 +68,7 @@ _MATERIALS = {
     "rubber": Material(0.05, "vehicle", colour="#1c1c1d"),
     "rim": Material(0.45, "vehicle", colour="#a4a8ac", specular=0.3),
     "plastic": Material(0.12, "vehicle", colour="#242628", specular=0.02),
-    "interior": Material(0.10, "vehicle", colour="#2b2926"),
+    "interior": Material(0.06, "vehicle", colour="#2b2926"),
     "frame": Material(0.35, "vehicle", colour="#55585c", specular=0.03),
     "tarpaulin": Material(0.55, "vehicle", colour="#c9cdd2", specular=0.02),
     "cloth": Material(0.40, "person", colour="#7d7f8c"),
@@ -91,8 +91,8 @@ MATERIALS = {name: material.reflectivity for name, material in _MATERIALS.items(
 
 Carbon black absorbs 905 nm as it does visible light: black paint returns 2 to 6 %, and grey, blue, green and
 brown paints are toned with it. Panes of vehicles are green, heat-absorbing glass: its iron (Fe2+, absorbing
-about 1 um) passes some half of 905 nm each way, where regulation ECE 43 asks for 70 % of visible light;
-privacy glass passes a quarter.
+about 1 um) passes some 45 % of 905 nm each way, where regulation ECE 43 asks for 70 % of visible light;
+privacy glass passes 20 %.
 """
 
 MATERIAL_ID = {name: index for index, name in enumerate(MATERIALS)}

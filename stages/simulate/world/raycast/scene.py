@@ -17,6 +17,7 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TRANSMITTANCE,
 )
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
+from advpipe.stages.simulate.world.raycast.panes import passed_share
 from advpipe.stages.simulate.world.raycast.visible_hits import PaneCrossings, VisibleHits
 
 Float32 = npt.NDArray[np.float32]
@@ -136,7 +137,7 @@ class Scene:
         for _ in range(MAX_PANES):
             if not len(through):
                 break
-            passed.append((through, range_m[through], TRANSMITTANCE[materials[through]]))
+            passed.append((through, range_m[through], passed_share(materials[through], cos[through])))
             start_m = range_m[through] + STEP_M
             onward = rays[through]
             onward[:, :3] += start_m[:, None] * onward[:, 3:]
