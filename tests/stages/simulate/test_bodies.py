@@ -57,6 +57,15 @@ def test_cars_have_the_sizes_of_a_european_fleet() -> None:
     assert sum(CAR_SHARES.values()) == pytest.approx(1)
 
 
+def test_car_in_a_mix_stands_for_the_cars_of_the_fleet() -> None:
+    shares = Traffic(mix={"car": 3, "bus": 1, "suv": 1}).shares
+    assert sum(shares.values()) == pytest.approx(1)
+    assert shares["bus"] == pytest.approx(0.2)
+    assert shares["supermini"] == pytest.approx(0.6 * CAR_SHARES["supermini"])
+    assert shares["suv"] == pytest.approx(0.2 + 0.6 * CAR_SHARES["suv"])
+    assert Traffic(mix={"sedan": 2, "van": 2}).shares == {"sedan": 0.5, "van": 0.5}
+
+
 def test_colours_have_the_shares_of_registrations() -> None:
     """With strata, few variants come near the shares; half of the cars are dark."""
     assert sum(PAINTS.values()) == pytest.approx(1)
