@@ -18,6 +18,7 @@ from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
 from advpipe.pipeline.scenario.size import check_size
 from advpipe.pipeline.scenario.traffic import (
+    ANY_CAR,
     BODIES,
     PEOPLE,
     Traffic,
@@ -107,11 +108,11 @@ class Scenario(Section):
         return tree
 
     def _bodies(self) -> Iterator[Mistake]:
-        for clash in sorted(set(self.bodies) & {*BODIES, *PEOPLE}):
+        for clash in sorted(set(self.bodies) & {ANY_CAR, *BODIES, *PEOPLE}):
             yield (), f"bodies.{clash} has the name of a built-in body; rename it"
         known = (*BODIES, *self.bodies)
         for place, body in (
-            *((f"traffic.mix.{body}", body) for body in self.traffic.mix),
+            *((f"traffic.mix.{body}", body) for body in self.traffic.mix if body != ANY_CAR),
             *(
                 (f"vehicles.{name}.body {vehicle.body!r}", vehicle.body)
                 for name, vehicle in self.vehicles.items()

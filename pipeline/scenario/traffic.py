@@ -8,25 +8,15 @@ from pydantic import Field, model_validator
 
 from advpipe.pipeline.core.bounds import AccelerationMps2, MeshScale, SpeedMps
 from advpipe.pipeline.core.section import File, Name, NotNegative, Reference, Section, Whole
+from advpipe.pipeline.scenario import fleet
 
-BODIES = (
-    "sedan",
-    "hatchback",
-    "estate",
-    "suv",
-    "pickup",
-    "van",
-    "minibus",
-    "box_truck",
-    "semi_trailer",
-    "bus",
-    "motorcycle",
-    "scooter",
-    "bicycle",
-)
+BODIES = (*fleet.CARS, *fleet.OTHERS)
 """Built-in bodies of vehicles; the key `pedestrians` sets the number of people on foot."""
 
-PEOPLE = ("pedestrian", "pedestrian_backpack", "pedestrian_suitcase", "pedestrian_umbrella", "child")
+ANY_CAR = "car"
+"""In a mix: all cars, in the shares of the fleet."""
+
+PEOPLE = tuple(fleet.PEOPLE)
 """Built-in bodies of people on foot."""
 
 
@@ -84,22 +74,9 @@ class Traffic(Section):
     server: SumoServer = SumoServer()
     vehicles: Whole = Field(80, ge=0, le=5000, description="number of vehicles on the network at any time")
     mix: dict[Reference, Annotated[NotNegative, Field(le=1e6)]] = Field(
-        {
-            "sedan": 0.22,
-            "hatchback": 0.18,
-            "estate": 0.09,
-            "suv": 0.19,
-            "pickup": 0.04,
-            "van": 0.07,
-            "minibus": 0.02,
-            "box_truck": 0.04,
-            "semi_trailer": 0.02,
-            "bus": 0.02,
-            "motorcycle": 0.03,
-            "scooter": 0.02,
-            "bicycle": 0.06,
-        },
-        description="share of each body among the vehicles; the shares are normalised to a sum of 1",
+        fleet.DEFAULT_MIX,
+        description="share of each body among the vehicles, where `car` stands for the cars of a European "
+        "fleet; the shares are normalised to a sum of 1",
     )
     pedestrians: Whole = Field(40, ge=0, le=5000, description="number of people on foot beside the roads")
     parked_per_km: NotNegative = Field(15.0, le=150, description="parked cars per kilometre of kerb")
@@ -113,6 +90,16 @@ class Traffic(Section):
         description="path of a .sumocfg of your own, whose route and additional files replace `vehicles` and "
         "`mix`",
     )
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of each body among the vehicles: the mix, with `car` divided among the cars."""
+        mix = dict(self.mix)
+        cars = mix.pop(ANY_CAR, 0.0)
+        for body, share in fleet.CAR_SHARES.items() if cars else ():
+            mix[body] = mix.get(body, 0.0) + cars * share
+        total = sum(mix.values())
+        return {body: share / total for body, share in mix.items()}
 
     @model_validator(mode="after")
     def _sources(self) -> Traffic:

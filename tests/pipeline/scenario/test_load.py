@@ -49,7 +49,7 @@ BAD = {
     "sensors:\n  lidars:\n    lidar:\n      rotation_frequency: 7\n": r"0\.142857 s, which is not a multiple",
     "sensors:\n  lidars:\n    lidar:\n      vehicle: bob\n": r"'bob' is not one of the vehicles",
     "vehicles: {}\nv2x: {enabled: false}\n": r"vehicles is empty and V2X is off",
-    "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank is not a known body; known: sedan",
+    "traffic:\n  mix: {tank: 1}\n": r"traffic\.mix\.tank is not a known body; known: city_car",
     "traffic:\n  mix: {sedan: 0}\n": r"at least one share above zero",
     "traffic:\n  mix: {sedan: 1.0e+300}\n": r"mix\.sedan \(line 5\): .*less than or equal to 1000000",
     "simulation:\n  start: 1999-12-31T23:00:00Z\n": r"start is in 1999; .* between 2000 and 2037",

@@ -135,6 +135,7 @@ def test_a_turn_may_take_several_steps() -> None:
         ("sensors.imu.gyroscope_bias_stddev_radps=1.0e+26", "less than or equal to 1"),
         ("sensors.wheel_odometry.speed_white_stddev_mps=1.0e+26", "less than or equal to 100"),
         ("bodies={child: {mesh: a.obj}}", "bodies.child has the name of a built-in body"),
+        ("bodies={car: {mesh: a.obj}}", "bodies.car has the name of a built-in body"),
         ("simulation.warmup_s=1.0e+9", "less than or equal to 86400"),
         ("map.generator={speed_mps: 1.0e-9}", "greater than or equal to 1"),
     ],

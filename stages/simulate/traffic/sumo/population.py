@@ -88,10 +88,10 @@ class Population:
         missing = self._scenario.traffic.vehicles - len(loaded - set(others))
         if missing <= 0:
             return
-        mix = self._scenario.traffic.mix
-        shares = np.array(list(mix.values())) / sum(mix.values())
+        shares = self._scenario.traffic.shares
+        bodies, weights = list(shares), np.array(list(shares.values()))
         for _ in range(missing):
-            body = list(mix)[int(self._rng.choice(len(shares), p=shares))]
+            body = bodies[int(self._rng.choice(len(bodies), p=weights))]
             names = variants_of(self._variants, body)
             variant = names[int(self._rng.integers(len(names)))]
             edge = self._routes.random_start()

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.scenario.traffic import UserBody
 from advpipe.stages.simulate.bodies import Variant
-from advpipe.stages.simulate.world.raycast import cars, people, trucks, two_wheelers
+from advpipe.stages.simulate.world.raycast import car_shapes, people, postures, trucks, two_wheelers
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
 from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
@@ -34,24 +34,39 @@ class Shape:
 
 
 SHAPES: Mapping[str, Shape] = {
-    "sedan": Shape(cars.SEDAN, (0.17, 0.66)),
-    "hatchback": Shape(cars.HATCHBACK, (0.19, 0.64)),
-    "estate": Shape(cars.ESTATE, (0.17, 0.65)),
-    "suv": Shape(cars.SUV, (0.17, 0.63)),
-    "pickup": Shape(cars.PICKUP, (0.16, 0.6)),
-    "van": Shape(cars.VAN, (0.37, 0.52)),
-    "minibus": Shape(cars.MINIBUS, (0.38, 0.5)),
+    "city_car": Shape(car_shapes.CITY_CAR, (0.25, 0.64)),
+    "supermini": Shape(car_shapes.SUPERMINI, (0.22, 0.64)),
+    "hatchback": Shape(car_shapes.HATCHBACK, (0.19, 0.64)),
+    "sedan": Shape(car_shapes.SEDAN, (0.17, 0.66)),
+    "estate": Shape(car_shapes.ESTATE, (0.17, 0.65)),
+    "estate_roof_box": Shape(car_shapes.estate_with_roof_box, (0.17, 0.52)),
+    "executive": Shape(car_shapes.EXECUTIVE, (0.16, 0.66)),
+    "small_suv": Shape(car_shapes.SMALL_SUV, (0.19, 0.63)),
+    "suv": Shape(car_shapes.SUV, (0.17, 0.63)),
+    "coupe": Shape(car_shapes.COUPE, (0.14, 0.68)),
+    "mpv": Shape(car_shapes.MPV, (0.25, 0.6)),
+    "compact_van": Shape(car_shapes.COMPACT_VAN, (0.22, 0.58)),
+    "pickup": Shape(car_shapes.PICKUP, (0.16, 0.6)),
+    "van": Shape(car_shapes.VAN, (0.37, 0.52)),
+    "minibus": Shape(car_shapes.MINIBUS, (0.38, 0.5)),
     "box_truck": Shape(trucks.box_truck, (0.47, 0.5)),
+    "tipper": Shape(trucks.tipper, (0.46, 0.55)),
     "semi_trailer": Shape(trucks.semi_trailer, (0.485, 0.5)),
-    "bus": Shape(cars.BUS, (0.48, 0.62)),
+    "bus": Shape(car_shapes.BUS, (0.48, 0.62)),
     "motorcycle": Shape(two_wheelers.motorcycle),
     "scooter": Shape(two_wheelers.scooter),
     "bicycle": Shape(two_wheelers.bicycle),
+    "cargo_bike": Shape(two_wheelers.cargo_bike),
+    "kick_scooter": Shape(two_wheelers.kick_scooter),
     "pedestrian": Shape(people.walking),
     "pedestrian_backpack": Shape(people.with_backpack),
     "pedestrian_suitcase": Shape(people.with_suitcase),
     "pedestrian_umbrella": Shape(people.with_umbrella),
+    "pedestrian_pushchair": Shape(people.with_pushchair),
     "child": Shape(people.walking),
+    "pedestrian_standing": Shape(postures.standing),
+    "pedestrian_sitting": Shape(postures.sitting),
+    "pedestrian_bending": Shape(postures.bending),
 }
 """Shapes by the name of the body."""
 

@@ -37,6 +37,48 @@ def with_umbrella(length_m: float, width_m: float, height_m: float, paint: str, 
     return merge([*_person(tall_m, pose, raised=1), stick, canopy])
 
 
+def with_pushchair(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
+    """A pedestrian who pushes a pram."""
+    parts = _person(height_m, pose)
+    axle, radius_m = (0.55, 1.05), 0.13
+    for side in (-1, 1):
+        y_m = 0.24 * side
+        parts.append(tube((0.22, y_m, 0.98), (axle[0], y_m, 0.55), 0.015, "frame", 4))
+        parts.append(tube((axle[0], y_m, radius_m), (1.0, y_m, 0.62), 0.015, "frame", 4))
+        parts.append(tube((axle[1], y_m, radius_m), (0.6, y_m, 0.62), 0.015, "frame", 4))
+        parts += [
+            tube((x_m, y_m - 0.02, radius_m), (x_m, y_m + 0.02, radius_m), radius_m, "rubber", 10)
+            for x_m in axle
+        ]
+    parts.append(tube((0.22, -0.24, 0.98), (0.22, 0.24, 0.98), 0.015, "frame", 4))
+    parts.append(box_mesh((0.72, 0.38, 0.2), "cloth_dark").moved(0.8, 0, 0.55))
+    parts.append(ellipsoid((0.95, 0, 0.76), (0.26, 0.19, 0.24), "cloth_dark", 4))
+    return merge(parts)
+
+
+def standing_rider(height_m: float, deck_m: float, grip: tuple[float, float]) -> list[Mesh]:
+    """A rider who stands on a deck, one foot before the other, hands at (x, z) of the handlebar."""
+    tall_m = height_m - deck_m
+    limb, hip, shoulder = tall_m / 1.75, deck_m + 0.49 * tall_m, deck_m + 0.82 * tall_m
+    parts = []
+    for side in (-1, 1):
+        foot = (0.14 * side - 0.06, 0.05 * side, deck_m)
+        knee = (0.04 + 0.06 * side, 0.09 * side, deck_m + 0.27 * tall_m)
+        hand = (grip[0], 0.22 * side, grip[1])
+        elbow = (0.5 * grip[0], 0.26 * side, 0.5 * (shoulder + grip[1]) - 0.06)
+        parts += [
+            tube((-0.04, 0.09 * side, hip), knee, 0.085 * limb, "cloth_dark", 6),
+            tube(knee, foot, 0.06 * limb, "cloth_dark", 6),
+            tube((0, 0.19 * side, shoulder), elbow, 0.05, "cloth", 6),
+            tube(elbow, hand, 0.042, "cloth", 5),
+            box_mesh((0.24, 0.09, 0.08), "rubber").moved(foot[0] + 0.05, foot[1], deck_m),
+        ]
+    middle_m, half_m = (hip + shoulder) / 2, (shoulder - hip) / 2 + 0.05
+    parts.append(ellipsoid((-0.02, 0, middle_m), (0.13, 0.2, half_m), "cloth", 5))
+    parts.append(ellipsoid((0.02, 0, deck_m + 0.925 * tall_m), (0.1, 0.08, 0.075 * tall_m), "skin", 4))
+    return parts
+
+
 def _person(height_m: float, pose: float, raised: int = 0) -> list[Mesh]:
     """Legs with knees, arms that swing against them, a torso, a head; the side `raised` holds a hand up."""
     hip, knee, shoulder = 0.5 * height_m, 0.27 * height_m, 0.82 * height_m

@@ -10,12 +10,14 @@ import numpy.typing as npt
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.sensors.world import Hits, SurfaceDetail
 from advpipe.stages.simulate.world.raycast.materials import (
+    CLARITY,
     REFLECTIVITY,
     RETROREFLECTIVE,
     SEMANTIC,
     TRANSMITTANCE,
 )
 from advpipe.stages.simulate.world.raycast.mesh import Mesh
+from advpipe.stages.simulate.world.raycast.panes import passed_share
 from advpipe.stages.simulate.world.raycast.surface_detail import DetailMap
 from advpipe.stages.simulate.world.raycast.visible_hits import PaneCrossings, VisibleHits
 
@@ -145,7 +147,7 @@ class Scene:
         for _ in range(MAX_PANES):
             if not len(through):
                 break
-            passed.append((through, range_m[through], TRANSMITTANCE[materials[through]]))
+            passed.append((through, range_m[through], passed_share(materials[through], cos[through])))
             start_m = range_m[through] + STEP_M
             onward = rays[through]
             onward[:, :3] += start_m[:, None] * onward[:, 3:]
@@ -190,7 +192,7 @@ class Scene:
             if not len(through):
                 break
             panes = self._materials[triangles[through]]
-            passed.append((through, range_m[through], np.sqrt(TRANSMITTANCE[panes]), normals[through]))
+            passed.append((through, range_m[through], np.sqrt(CLARITY[panes]), normals[through]))
             start_m = range_m[through] + STEP_M
             onward = rays[through]
             onward[:, :3] += start_m[:, None] * onward[:, 3:]

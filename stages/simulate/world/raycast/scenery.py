@@ -10,6 +10,7 @@ import shapely
 
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
 from advpipe.pipeline.scenario.environment import UserObject
+from advpipe.pipeline.scenario.fleet import CAR_SHARES
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.bodies import Variant, variants_of
 from advpipe.stages.simulate.road_network.network import RoadNetwork
@@ -23,15 +24,22 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied, footprint
 from advpipe.stages.simulate.world.raycast.user_mesh import load_mesh
 
-PARKED_OFFSET_M = 1.35
+PARKED_OFFSET_M = (1.0, 1.6)
+"""Where the middle of a parked car may stand, from the kerb: on the edge of the pavement, or away from it."""
+
+ASKEW_SHARE, ASKEW_RAD = 0.15, np.deg2rad(12.0)
+"""Share of the parked cars that stand askew, and by how much at most: more would reach into the walkway."""
+
 POLE_OFFSET_M = 2.7
 BESIDE_WALKWAY_M = (5.3, 9.0)
 TREE_OFFSET_M = (5.8, 9.5)
 BUILDING_OFFSET_M = (8.0, 20.0)
 BUILDING_PLOTS_PER_KM = 60.0
 FAR_OFFSET_M = (6.0, 25.0)
-PARKED_BODIES = ("sedan", "hatchback", "estate", "suv", "pickup", "van")
-PARKED_SHARES = (0.26, 0.26, 0.12, 0.25, 0.04, 0.07)
+PARKED_VANS = 0.06
+"""Share of vans among parked vehicles; the others are cars, in the shares of the fleet."""
+
+PARKED = {body: (1 - PARKED_VANS) * share for body, share in CAR_SHARES.items()} | {"van": PARKED_VANS}
 
 
 @dataclass(frozen=True)
@@ -93,13 +101,14 @@ def park_cars(
     """
     parked: list[RoadUser] = []
     for plot, slope in _plots(roads.kerbs_m, scenario.traffic.parked_per_km, rng):
-        body = PARKED_BODIES[int(rng.choice(len(PARKED_BODIES), p=PARKED_SHARES))]
+        body = list(PARKED)[int(rng.choice(len(PARKED), p=list(PARKED.values())))]
         of_body = variants_of(variants, body)
         variant = variants[of_body[int(rng.integers(len(of_body)))]]
         turned = rng.random() < 0.15
-        turn_rad = np.pi * float(turned) + rng.normal(0.0, 0.03)
+        askew_rad = ASKEW_RAD if rng.random() < ASKEW_SHARE else 0.0
+        turn_rad = np.pi * float(turned) + rng.normal(0.0, 0.03) + rng.uniform(-1, 1) * askew_rad
         pitch_rad = float(np.arctan(slope)) * (1 if turned else -1)
-        pose = plot.at(PARKED_OFFSET_M + rng.normal(0, 0.08), KERB_M, turn_rad, pitch_rad)
+        pose = plot.at(rng.uniform(*PARKED_OFFSET_M), KERB_M, turn_rad, pitch_rad)
         if occupied.take(pose, variant.length_m + 0.6, variant.width_m + 0.1):
             parked.append(RoadUser(f"parked.{len(parked)}", variant, pose, np.zeros(3)))
     return parked

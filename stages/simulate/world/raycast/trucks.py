@@ -6,23 +6,56 @@ import numpy as np
 import shapely
 
 from advpipe.stages.simulate.world.raycast.cars import _seat, _sitting
-from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
+from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, ellipsoid, merge
 from advpipe.stages.simulate.world.raycast.shapes import band, panels, wheel
 
 TAPE_M = 0.06
 """Contour marking of ECE regulation 104: retroreflective tape along the edges of large trucks."""
 
+THREE_AXLES_M = 9.0
+"""Box trucks longer than this have a third axle."""
+
 
 def box_truck(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-    """A rigid truck of two axles with a box body."""
+    """A rigid truck with a box body, of two axles, or of three if it is long."""
     cab_m = 2.0
     load_m = length_m - cab_m - 0.2
     load = box_mesh((load_m, width_m, height_m - 0.95), "tarpaulin").moved(-(length_m - load_m) / 2, 0, 0.95)
     chassis = box_mesh((length_m - 0.6, 0.9, 0.35), "frame").moved(-0.1, 0, 0.55)
-    axles = [0.5 * length_m - 1.3, -0.5 * length_m + 2.0]
+    axles = [0.5 * length_m - 1.3, -0.24 * length_m]
+    if length_m > THREE_AXLES_M:
+        axles.append(axles[-1] - 1.3)
     cab = _cab(length_m / 2, cab_m, 0.97 * width_m, min(2.55, 0.8 * height_m), paint, pose)
     parts = [*cab, load, chassis, *_wheels(axles, width_m)]
     return merge([*parts, *_rear(length_m, width_m, height_m)])
+
+
+def tipper(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
+    """A tipper truck of three axles: an open skip, loaded with soil above 0.5 of `pose`."""
+    cab_m, floor_m = 2.1, 1.15
+    front_m, back_m = length_m / 2 - cab_m - 0.15, -length_m / 2
+    long_m, high_m = front_m - back_m, height_m - floor_m
+    low_m, wall_m = 0.72 * high_m, 0.08
+    middle_m = (front_m + back_m) / 2
+    skip = [
+        box_mesh((long_m, width_m, wall_m), "frame").moved(middle_m, 0, floor_m),
+        *(
+            box_mesh((long_m, wall_m, low_m), paint).moved(middle_m, s * (width_m - wall_m) / 2, floor_m)
+            for s in (-1, 1)
+        ),
+        box_mesh((wall_m, width_m, low_m), paint).moved(back_m + wall_m / 2, 0, floor_m),
+        box_mesh((wall_m, width_m, high_m), paint).moved(front_m - wall_m / 2, 0, floor_m),
+        box_mesh((0.7, width_m, wall_m), paint).moved(front_m + 0.3, 0, height_m - wall_m),
+    ]
+    if pose > 0.5:
+        heap = ellipsoid(
+            (middle_m, 0, floor_m + 0.5 * high_m), (0.47 * long_m, 0.47 * width_m, 0.45 * high_m), "soil", 5
+        )
+        skip.append(heap)
+    chassis = box_mesh((length_m - 0.6, 0.9, 0.4), "frame").moved(-0.1, 0, 0.6)
+    axles = [0.5 * length_m - 1.4, -0.5 * length_m + 2.5, -0.5 * length_m + 1.2]
+    cab = _cab(length_m / 2, cab_m, 0.98 * width_m, 0.93 * height_m, paint, pose)
+    return merge([*cab, *skip, chassis, *_wheels(axles, width_m), *_rear(length_m, width_m, 2.0)])
 
 
 def semi_trailer(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, ellipsoid, merge, tube
-from advpipe.stages.simulate.world.raycast.people import riding
+from advpipe.stages.simulate.world.raycast.people import riding, standing_rider
 from advpipe.stages.simulate.world.raycast.shapes import hoop, quad
 
 
 def bicycle(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
-    """Spoked wheels of 28 inches, a diamond frame."""
+    """Spoked wheels of 28 inches, a diamond frame; `pose` in [0, 1] is the phase of the pedals, and the rider
+    leans by it, from upright to low."""
     radius_m, seat_m = 0.34, 0.95
     axle = length_m / 2 - radius_m
     crank, head, saddle = (-0.02, 0, 0.3), (axle - 0.18, 0, 0.88), (-0.16, 0, seat_m - 0.08)
@@ -27,7 +28,47 @@ def bicycle(length_m: float, width_m: float, height_m: float, paint: str, pose: 
             bar,
             reflector.moved(-axle - 0.1, 0, seat_m - 0.25),
             reflector.moved(axle - 0.1, 0, seat_m - 0.05),
-            *riding(seat_m, height_m, 0.14, axle - 0.2, pose),
+            *riding(seat_m, height_m, 0.04 + 0.26 * (3.7 * pose % 1), axle - 0.2, pose),
+        ]
+    )
+
+
+def cargo_bike(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
+    """A long bicycle with a box for children or goods between its small front wheel and the handlebar."""
+    radius_m, small_m, seat_m = 0.33, 0.25, 0.92
+    rear, ahead = -length_m / 2 + radius_m, length_m / 2 - small_m
+    crank, head, saddle = (-0.45, 0, 0.3), (-0.02, 0, 0.85), (-0.62, 0, seat_m - 0.08)
+    pipes = [(crank, head), (crank, saddle), (saddle, head), (crank, (rear, 0, radius_m))]
+    pipes += [(saddle, (rear, 0, radius_m)), (crank, (ahead, 0, small_m))]
+    rider = merge(riding(seat_m, height_m, 0.08, 0.5, pose)).moved(-0.46, 0, 0)
+    box = box_mesh((0.85, 0.6, 0.5), "wood").moved(0.42, 0, 0.3)
+    reflector = box_mesh((0.02, 0.06, 0.06), "lamp")
+    return merge(
+        [
+            hoop((rear, 0, radius_m), radius_m, 0.05, 0.02, 16),
+            hoop((ahead, 0, small_m), small_m, 0.05, 0.02, 14),
+            *(tube(a, b, 0.025, paint, 5) for a, b in pipes),
+            tube((0.0, -width_m / 2, seat_m + 0.14), (0.0, width_m / 2, seat_m + 0.14), 0.02, "frame", 5),
+            box,
+            reflector.moved(rear - 0.1, 0, seat_m - 0.25),
+            rider,
+        ]
+    )
+
+
+def kick_scooter(length_m: float, width_m: float, height_m: float, paint: str, pose: float) -> Mesh:
+    """An electric kick scooter; its rider stands on the deck."""
+    radius_m, deck_m = 0.11, 0.16
+    axle, bar_m = length_m / 2 - radius_m, 1.15
+    grip = (axle - 0.12, bar_m)
+    return merge(
+        [
+            *(tube((x, -0.03, radius_m), (x, 0.03, radius_m), radius_m, "rubber", 10) for x in (-axle, axle)),
+            box_mesh((2 * axle - 0.15, 0.16, 0.06), "frame").moved(-0.02, 0, deck_m - 0.06),
+            tube((axle, 0, radius_m), (grip[0], 0, bar_m), 0.03, "frame", 6),
+            tube((grip[0], -width_m / 2, bar_m), (grip[0], width_m / 2, bar_m), 0.02, "frame", 5),
+            box_mesh((0.02, 0.06, 0.06), "lamp").moved(-axle - 0.1, 0, 0.25),
+            *standing_rider(height_m, deck_m, grip),
         ]
     )
 

@@ -158,7 +158,8 @@ def test_the_ego_may_stop_where_a_road_has_a_pavement(tmp_path: Path, grid: Call
 
 
 def test_vehicles_on_the_highway_lie_on_its_slopes(tmp_path: Path) -> None:
-    """Front, middle and rear of every box are on the lanes' surface, within 5 cm, and pitch is its slope."""
+    """Front, middle and rear of every box are on the lanes' surface, within 5 cm, or 1 % of the length of a
+    long one, which bridges a change of slope; and pitch is its slope."""
     scenario = load_scenario("highway", ["simulation.warmup_s=10"])
     edges = load_network(scenario.map, tmp_path).drivable
     lines = [lane.centre_m for edge in edges for lane in edge.lanes]
@@ -172,7 +173,7 @@ def test_vehicles_on_the_highway_lie_on_its_slopes(tmp_path: Path) -> None:
             points = transform_points(user.map_SE3_base, [[x, 0, 0] for x in (-half_m, 0, half_m)])
             apart_m, nearest = tree.query(points[:, :2])
             assert apart_m.max() < 2.5
-            assert np.abs(points[:, 2] - dense[nearest, 2]).max() < 0.05, user.id
+            assert np.abs(points[:, 2] - dense[nearest, 2]).max() < max(0.05, 0.02 * half_m), user.id
             climbs.append(user.map_SE3_base[2, 0])
             speeds.append(float(np.linalg.norm(user.velocity_mps)))
             assert user.velocity_mps[2] == pytest.approx(climbs[-1] * speeds[-1], abs=1e-6)

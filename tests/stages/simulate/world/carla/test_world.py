@@ -79,7 +79,8 @@ def test_the_truth_is_that_of_the_actors(drives: tuple[Path, Path, Any]) -> None
     ours, embedded = np.array(points).T
     assert embedded.max() > 10
     assert np.abs(ours - embedded).max() <= 1  # the embedded world leaves out bodies at the range's end
-    ours, embedded = np.array(hidden)[embedded > 0].T
+    ours, embedded = np.array(hidden)[embedded > 3].T  # shares of one or two rays say nothing
+    assert len(ours) > 10
     assert np.abs(ours - embedded).max() < 0.25
     assert np.abs(ours - embedded).mean() < 0.05
     for frame, other in zip(*(read_frames(bag) for bag in drives[:2]), strict=True):
