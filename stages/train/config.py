@@ -39,7 +39,7 @@ class Augmentation:
     remounted: float = 0.6
     height_m: float = 0.45
     tilt_rad: float = 0.052
-    slope_rad: float = 0.1
+    slope_rad: float = 0.06
 
     @classmethod
     def none(cls) -> Augmentation:

@@ -44,7 +44,7 @@ def test_flip_by_hand(store):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_rigid_changes_keep_the_points_in_their_boxes(store, seed):
-    config = replace(Augmentation(), drop=0.0, jitter_m=0.0, paste=(0, 0, 0, 0))
+    config = replace(Augmentation(), drop=0.0, jitter_m=0.0, paste=(0, 0, 0, 0), remounted=0.0)
     frame = store.frame(seed)
     changed = augment(frame, config, VOXEL, np.random.default_rng(seed))
     assert not np.allclose(changed.points, frame.points)

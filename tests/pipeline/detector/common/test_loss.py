@@ -10,7 +10,7 @@ import torch
 
 from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, encode_boxes
 from advpipe.pipeline.detector.common.head import Predictions
-from advpipe.pipeline.detector.common.loss import aligned_iou, direction_bin, focal_loss, losses
+from advpipe.pipeline.detector.common.loss import aligned_iou, direction_bin, focal_losses, losses
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.geometry.iou import iou_3d
 
@@ -30,7 +30,8 @@ def test_focal_loss_equals_a_sum_of_its_terms():
 
     # Anchor 0 is background, anchor 1 a car (and no truck), anchor 2 ignored.
     expected = background(-2.0) + background(0.5) + hit(1.0) + background(-1.0)
-    assert float(focal_loss(torch.tensor(logits), target)) == pytest.approx(expected, rel=1e-6)
+    background_sum, hits = focal_losses(torch.tensor([logits]), [target], torch.tensor([0]))
+    assert float(background_sum + hits.sum()) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_perfect_prediction_has_almost_no_loss_and_a_half_turn_only_direction_loss():
