@@ -51,8 +51,8 @@ class BatchGradients:
             self._batches = self._from(step)
         try:
             batch = next(self._batches)
-        except RuntimeError as error:
-            reason = str(error).splitlines()[0]
+        except Exception as error:  # of a process, with its whole traceback as the message
+            reason = str(error).strip().splitlines()[-1]
             raise AdvpipeError(f"a training process stopped at step {step}: {reason}") from None
         self._net.train().zero_grad()
         clouds = [cloud.to(self._net.device) for cloud in batch]
