@@ -28,7 +28,7 @@ from advpipe.stages.simulate.road_network.network import load_network
 
 SCRIPT = Path(__file__).with_name("train_small.sh")
 NETWORKS = SCRIPT.parents[1] / "scenarios" / "networks"
-NOT_TRAINED_ON = ("valid",)
+NOT_TRAINED_ON = ("valid", "valid_hdl64")
 """Drives that the script makes for another purpose."""
 
 

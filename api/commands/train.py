@@ -25,6 +25,7 @@ def train(
     family: str = TrainOptions.family,
     preset: str = TrainOptions.preset,
     steps: int = USUAL_STEPS,
+    batch_size: int = TrainOptions.batch_size,
     start: PathLike | None = None,
     learning_rate: float = TrainOptions.learning_rate,
     validate: PathLike | None = None,
@@ -36,9 +37,10 @@ def train(
     """Train a detector on clean bags; goes on where an interrupted run stopped.
 
     bags: to learn from. out: the folder of checkpoint, log and plot. family, preset: architecture and size of
-    the detector. steps: of the optimiser, two frames each. start: a checkpoint of the same preset to go on
-    from. learning_rate: its peak, after the warm-up. validate: a held-out bag to score. bf16: half the time
-    where the processor has it. device: where it computes. seed: of weights, order and augmentation.
+    the detector. steps: of the optimiser. batch_size: frames of a step; some 16 on a GPU. start: a checkpoint
+    of the same preset to go on from. learning_rate: its peak, after the warm-up. validate: a held-out bag to
+    score. bf16: half the time where the processor has it. device: where it computes. seed: of weights, order
+    and augmentation.
 
     Returns what the run made, with 3D AP R40 in percent by class if there was a bag to validate on. Raises
     UsageError for bags without ground truth and for options that are out of range.
@@ -63,6 +65,7 @@ def train(
             preset=preset,
             start=None if start is None else Path(start),
             steps=steps,
+            batch_size=batch_size,
             learning_rate=learning_rate,
             validation=held_out,
             bf16=bf16,

@@ -25,6 +25,7 @@ def train_command(
         str, cli_option(TrainOptions, "preset", autocompletion=preset_names)
     ] = TrainOptions.preset,
     steps: Annotated[int, cli_option(TrainOptions, "steps")] = USUAL_STEPS,
+    batch_size: Annotated[int, cli_option(TrainOptions, "batch_size")] = TrainOptions.batch_size,
     start: Annotated[Path | None, cli_option(TrainOptions, "start", "--start")] = None,
     learning_rate: Annotated[float, cli_option(TrainOptions, "learning_rate")] = TrainOptions.learning_rate,
     validate: Annotated[Path | None, cli_option(TrainOptions, "validation", "--validate")] = None,
@@ -45,6 +46,7 @@ def train_command(
         family=family,
         preset=preset,
         steps=steps,
+        batch_size=batch_size,
         start=start,
         learning_rate=learning_rate,
         validate=validate,

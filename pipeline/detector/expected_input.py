@@ -19,11 +19,14 @@ class ExpectedInput:
     """The clouds that a detector was made for.
 
     lidar_height_m: of the origin of coordinates above the ground, which is level. max_intensity: intensities
-    go from 0 to this.
+    go from 0 to this. tolerated_m, tolerated_rad: a LiDAR that is this much higher or lower, or tilted by
+    this much, costs little.
     """
 
     lidar_height_m: float
     max_intensity: float = BRIGHTEST
+    tolerated_m: float = 0.15
+    tolerated_rad: float = 0.0175
 
 
 HEIGHT_KEY = "lidar_height_m"

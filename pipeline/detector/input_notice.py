@@ -21,7 +21,7 @@ from advpipe.pipeline.geometry.ground_plane import HEIGHTS_M, fit_ground
 from advpipe.pipeline.messages.cloud import StampedCloud, xyz
 
 TOLERATED_M, TOLERATED_DEG = 0.15, 1.0
-"""The LiDAR may be this much higher or lower than expected, and tilted by this much: `small` loses little."""
+"""The ground in a cloud may contradict the stated mount by this much in height and tilt."""
 
 FULL_SCALES = (255.0, 65535.0)
 """The highest intensities of sensors that give whole numbers."""
@@ -57,14 +57,15 @@ def input_differences(
             yield f"{option_name('level', True)} does not level the first cloud: {fit}"
     elif stance := lidar_stance(reader, first):
         taken_m = expected.lidar_height_m if adaptation.lidar_height_m is None else adaptation.lidar_height_m
-        if abs(stance.height_m - taken_m) > TOLERATED_M:
+        if abs(stance.height_m - taken_m) > expected.tolerated_m:
             what = f"its LiDAR is {stance.height_m:.2f} m above the ground"
             if stance.stated_height_m is not None:
                 what += f" of the first cloud (its mount says {stance.stated_height_m:.2f} m)"
             whose = "{detector} expects" if adaptation.lidar_height_m is None else "the option says"
             given = option_name("lidar_height_m", round(stance.height_m, 2))
             yield f"{what}, {whose} {taken_m:.2f} m; give {given} or {option_name('level', True)}"
-        if (tilt_deg := math.degrees(stance.tilt_rad)) > TOLERATED_DEG:
+        if stance.tilt_rad > expected.tolerated_rad:
+            tilt_deg = math.degrees(stance.tilt_rad)
             yield (
                 f"its LiDAR is tilted by {tilt_deg:.1f}°, {{detector}} expects level ground; "
                 f"give {option_name('level', True)}"

@@ -11,8 +11,13 @@ from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.geometry.transforms import Float64, se3, wrap_angle
 from advpipe.stages.train.config import Augmentation
 from advpipe.stages.train.frames import FrameStore, TrainingFrame
+from advpipe.stages.train.mounting import remount
 
 Rng = np.random.Generator
+
+AROUND_M, LEAST_POINTS, GROUND_PERCENTILE, MOST_RISE_M = 1.5, 5, 20, 1.0
+"""The ground under a pasted object: this percentile of the heights of the points in its box, so much longer
+and wider, if there are so many; the object is raised or lowered by at most so much."""
 
 
 class ObjectBank:
@@ -22,24 +27,31 @@ class ObjectBank:
     def __init__(self, store: FrameStore, min_points: int) -> None:
         self.store = store
         enough = store.counts >= min_points
-        self.by_class = [np.flatnonzero(enough & (store.labels == label)) for label in range(4)]
+        self.by_class = {
+            sensor: [
+                np.flatnonzero(enough & (store.labels == label) & (store.sensors == sensor))
+                for label in range(4)
+            ]
+            for sensor in np.unique(store.sensors).tolist()
+        }
 
     def paste(self, frame: TrainingFrame, wanted: tuple[int, ...], rng: Rng) -> TrainingFrame:
         """The frame with up to `wanted` objects of each class, each turned about the sensor.
 
-        An object keeps its distance, so that its points stay as dense as they were measured. It is
-        left out if it would touch another object or anything that stands on the ground.
+        An object comes from a frame of the same sensor and keeps its distance, so that its points stay as
+        dense as they were measured; it stands on the ground that it is put on. It is left out if it would
+        touch another object or anything that stands on the ground.
         """
         chosen = [
             (i, label)
             for label, count in enumerate(wanted)
-            if len(self.by_class[label])
-            for i in rng.choice(self.by_class[label], size=count).tolist()
+            if len(self.by_class[frame.sensor][label])
+            for i in rng.choice(self.by_class[frame.sensor][label], size=count).tolist()
         ]
         if not chosen:
             return frame
-        points, boxes = zip(*(_turned(*self.store.object(i), rng) for i, _ in chosen), strict=True)
-        added = np.array(boxes)
+        turned = [_turned(*self.store.object(i), rng) for i, _ in chosen]
+        points, added = _on_ground(frame, [each for each, _ in turned], np.array([box for _, box in turned]))
         free = np.zeros(len(added), dtype=bool)
         scene = points_in_boxes(frame.points, added)
         taken = frame.boxes
@@ -63,6 +75,21 @@ class ObjectBank:
             labels=np.concatenate([frame.labels, labels]),
             counts=np.concatenate([frame.counts, counts]),
         )
+
+
+def _on_ground(
+    frame: TrainingFrame, points: list[npt.NDArray[np.float32]], boxes: Float64
+) -> tuple[list[npt.NDArray[np.float32]], Float64]:
+    """The objects, each raised or lowered to the ground about its place, where the frame has points of it."""
+    about = boxes + np.array([0.0, 0.0, 0.0, AROUND_M, AROUND_M, 2 * MOST_RISE_M, 0.0])
+    for k, rows in enumerate(points_in_boxes(frame.points, about)):
+        if len(rows) < LEAST_POINTS:
+            continue
+        rise_m = np.percentile(frame.points[rows, 2], GROUND_PERCENTILE) - (boxes[k, 2] - boxes[k, 5] / 2)
+        if abs(rise_m) <= MOST_RISE_M:
+            points[k][:, 2] += np.float32(rise_m)
+            boxes[k, 2] += rise_m
+    return points, boxes
 
 
 def _turned(
@@ -115,7 +142,7 @@ def augment(
     rng: Rng,
     bank: ObjectBank | None = None,
 ) -> TrainingFrame:
-    """Paste, drop, flip, rotate, scale, shift, jitter, in this order."""
+    """Paste, drop, flip, rotate, remount, scale, shift, jitter, in this order."""
     if bank is not None and any(config.paste):
         frame = bank.paste(frame, config.paste, rng)
     keep = 1 - rng.uniform(0, config.drop)
@@ -127,6 +154,7 @@ def augment(
     if config.flip and rng.random() < 0.5:
         frame = flip(frame)
     frame = rotate(frame, rng.uniform(-config.yaw_rad, config.yaw_rad))
+    frame = remount(frame, config, rng)
     scale = 1 + rng.uniform(-config.scale, config.scale)
     shift = rng.uniform(-config.shift_voxels, config.shift_voxels, 3) * voxel_size_m
     frame.points[:, :3] *= np.float32(scale)

@@ -23,6 +23,8 @@ class Augmentation:
     yaw_rad, scale, shift_voxels: largest change either way. drop: largest share of points dropped.
     jitter_m: largest standard deviation of noise. intensity: largest relative change.
     paste: how many objects of each class (car, truck, cyclist, pedestrian) from other frames.
+    remounted: share of frames whose sensor is raised or lowered by up to height_m and tilted by up to
+    tilt_rad, on ground that rises or falls by up to slope_rad (see `mounting`); the others keep their ground.
     """
 
     yaw_rad: float = 3.141592653589793
@@ -34,11 +36,15 @@ class Augmentation:
     jitter_m: float = 0.02
     intensity: float = 0.3
     paste: tuple[int, int, int, int] = (5, 4, 8, 7)
+    remounted: float = 0.6
+    height_m: float = 0.45
+    tilt_rad: float = 0.052
+    slope_rad: float = 0.06
 
     @classmethod
     def none(cls) -> Augmentation:
         """No augmentation at all."""
-        return cls(0.0, False, 0.0, 0.0, 0.0, 0.0, 0.0, (0, 0, 0, 0))
+        return cls(0.0, False, 0.0, 0.0, 0.0, 0.0, 0.0, (0, 0, 0, 0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,6 @@ class TrainConfig(TrainOptions):
     bags: tuple[Path, ...]
     out: Path
     epochs: float = 8.0
-    batch_size: int = 2
     weight_decay: float = 0.01
     warmup: float = 0.05
     clip_norm: float = 10.0

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
 from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.core.seeding import named_generator
-from advpipe.pipeline.detector.common.network import LabelledPoints
+from advpipe.pipeline.detector.common.network import DetectionNetwork, LabelledPoints
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 from advpipe.stages.train.augment import ObjectBank, augment
 from advpipe.stages.train.config import TrainConfig
@@ -21,6 +23,11 @@ class Examples:
         self.store, self.config = store, config
         self.preset = config.network_preset
         self.bank = ObjectBank(store, config.min_points)
+
+    def with_targets(self, index: int, net: DetectionNetwork) -> LabelledPoints:
+        """Example `index`, with what the head of such a network is to learn from it."""
+        example = self[index]
+        return replace(example, targets=net.targets(example))
 
     def __getitem__(self, index: int) -> LabelledPoints:
         config = self.config

@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import repeat
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.partial import PartialFolder
 from advpipe.pipeline.geometry.boxes import Boxes, no_boxes, points_in_boxes
 from advpipe.pipeline.geometry.regions import LabelCoverage
+from advpipe.pipeline.geometry.transforms import se3
 from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.stages.train.stored_uncounted import StoredUncounted, store_uncounted
 
@@ -42,7 +44,8 @@ class LabelledCloud(Protocol):
 class TrainingFrame:
     """points: (N, 4) x, y, z, intensity. boxes: (M, 7). labels: (M,). counts: (M,) points inside.
 
-    ignored: (I, 7), objects that count neither way. coverage: where objects are labelled.
+    ignored: (I, 7), objects that count neither way. coverage: where objects are labelled. sensor: number of
+    the kind of LiDAR.
     """
 
     points: Points
@@ -51,6 +54,15 @@ class TrainingFrame:
     counts: npt.NDArray[np.int64]
     ignored: npt.NDArray[np.float64] = field(default_factory=no_boxes)
     coverage: LabelCoverage = field(default_factory=LabelCoverage)
+    sensor: int = 0
+
+
+class StoredMount(NamedTuple):
+    """How the LiDAR of a stored frame stands: how far its cloud is raised for training, so that all clouds
+    are seen from one height, and a number for its kind, such as its rings."""
+
+    raised_m: float = 0.0
+    sensor: int = 0
 
 
 @dataclass(frozen=True)
@@ -64,16 +76,23 @@ class FrameStore:
     folder: Path
 
     @classmethod
-    def build(cls, frames: Iterable[LabelledCloud], folder: Path, key: object, radius_m: float) -> FrameStore:
+    def build(
+        cls,
+        frames: Iterable[LabelledCloud],
+        folder: Path,
+        key: object,
+        radius_m: float,
+        mounts: Iterable[StoredMount] = repeat(StoredMount()),
+    ) -> FrameStore:
         """Store frames, cropped to a radius around the sensor, unless `folder` already holds those of
-        `key`."""
+        `key`; each frame with its mount."""
         key_text = json.dumps(key, sort_keys=True)
         key_file = folder / "key.json"
         if key_file.is_file() and key_file.read_text() == key_text:
             return cls(folder)
         partial = PartialFolder(folder)
         try:
-            _store(frames, partial.path, radius_m)
+            _store(zip(frames, mounts, strict=False), partial.path, radius_m)
             (partial.path / "key.json").write_text(key_text)
             partial.commit(may_replace=lambda _: True)
         except BaseException:
@@ -105,38 +124,59 @@ class FrameStore:
         """Points inside every box of every frame."""
         return self._index["counts"]
 
+    @cached_property
+    def sensors(self) -> npt.NDArray[np.int64]:
+        """The kind of LiDAR, a number, of every box of every frame."""
+        return self._of_boxes("frame_sensors")
+
+    @cached_property
+    def _raised_m(self) -> npt.NDArray[np.float64]:
+        return self._of_boxes("frame_raised_m").astype(np.float64)
+
+    def _of_boxes(self, of_frames: str) -> npt.NDArray[np.int64]:
+        return np.repeat(self._index[of_frames], np.diff(self._index["frame_boxes"]))
+
     def frame(self, i: int) -> TrainingFrame:
-        """Frame i, as new arrays."""
+        """Frame i, as new arrays, from the height of all frames."""
         first, last = self._index["frame_boxes"][i : i + 2]
+        raised_m = float(self._index["frame_raised_m"][i])
+        points = self._read("points.bin", *self._index["frame_points"][i : i + 2])
+        boxes = self._index["boxes"][first:last].astype(np.float64)
+        ignored, coverage = self._uncounted.of(i)
+        for rows in (points, boxes, ignored):
+            rows[:, 2] += raised_m
         return TrainingFrame(
-            self._read("points.bin", *self._index["frame_points"][i : i + 2]),
-            self._index["boxes"][first:last].astype(np.float64),
+            points,
+            boxes,
             self.labels[first:last],
             self.counts[first:last],
-            *self._uncounted.of(i),
+            ignored,
+            coverage.transformed(se3(np.eye(3), (0.0, 0.0, raised_m))),
+            int(self._index["frame_sensors"][i]),
         )
 
     def object(self, i: int) -> tuple[Points, npt.NDArray[np.float64]]:
         """Points (n, 4) and box (7,) of object i among all boxes of all frames."""
-        return (
-            self._read("objects.bin", *self._index["objects"][i : i + 2]),
-            self._index["boxes"][i].astype(np.float64),
-        )
+        points = self._read("objects.bin", *self._index["objects"][i : i + 2])
+        box = self._index["boxes"][i].astype(np.float64)
+        points[:, 2] += np.float32(self._raised_m[i])
+        box[2] += self._raised_m[i]
+        return points, box
 
     def _read(self, name: str, first: int, last: int) -> Points:
         count = 4 * int(last - first)
         return np.fromfile(self.folder / name, np.float32, count, offset=16 * int(first)).reshape(-1, 4)
 
 
-def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> None:
+def _store(frames: Iterable[tuple[LabelledCloud, StoredMount]], folder: Path, radius_m: float) -> None:
     """Write the files of a `FrameStore` into an empty folder."""
     boxes, labels, counts, frame_points, frame_boxes = [], [], [], [0], [0]
-    uncounted = []
+    uncounted, stored_mounts = [], []
     with (
         (folder / "points.bin").open("wb") as points_file,
         (folder / "objects.bin").open("wb") as objects,
     ):
-        for frame in frames:
+        for frame, mount in frames:
             points = xyzi(frame.cloud)
             near = np.hypot(points[:, 0], points[:, 1]) < radius_m
             points = points[near & np.isfinite(points).all(1)]
@@ -150,6 +190,7 @@ def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> No
             frame_points.append(frame_points[-1] + len(points))
             frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
             uncounted.append(frame.uncounted)
+            stored_mounts.append(mount)
     if not boxes or not frame_points[-1]:
         raise AdvpipeError("the bags contain no labelled clouds to train on")
     store_uncounted(uncounted, folder / _UNCOUNTED)
@@ -160,4 +201,6 @@ def _store(frames: Iterable[LabelledCloud], folder: Path, radius_m: float) -> No
         counts=np.array(counts, dtype=np.int64),
         frame_points=frame_points,
         frame_boxes=frame_boxes,
+        frame_raised_m=[mount.raised_m for mount in stored_mounts],
+        frame_sensors=[mount.sensor for mount in stored_mounts],
     )

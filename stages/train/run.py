@@ -31,9 +31,9 @@ from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
-from advpipe.stages.train.heights import training_height
 from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.maps import training_maps
+from advpipe.stages.train.mounts import expected_height, mounts_of_frames
 from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
@@ -41,7 +41,7 @@ from advpipe.stages.train.workers import Gradients, gradients
 
 READING = "reading the bags"
 
-STORED = "with what does not count"
+STORED = "with mounts"
 """What frames are stored with: a run of an earlier release stores them again."""
 
 SOME_FRAMES = 40
@@ -110,9 +110,12 @@ def _train(
     """Run the remaining steps and the last validation, and write the files of a finished run."""
     examples = Examples(store, config)
     steps = config.steps or max(1, round(config.epochs * len(store) / config.batch_size))
-    workers = min(config.batch_size, config.workers or usable_cores())
+    workers = config.workers or usable_cores()
     bags = [labelled_bag(bag) for bag in config.bags]
-    about_bags = {KEY: training_maps(bags, config.start), **training_height(bags)}
+    about_bags = {
+        KEY: training_maps(bags, config.start),
+        **expected_height(config.network_preset.expected_input),
+    }
     provenance = training_provenance(config, origin, len(store), steps) | about_bags
 
     state = TrainState.new(net, config.learning_rate, config.weight_decay)
@@ -193,7 +196,8 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
         for bag in digests:
             yield from track(read_frames(bag), f"read {bag.name}", total=count_frames(bag))
 
-    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m, STORED], radius_m)
+    mounts = mounts_of_frames(digests, config.network_preset.expected_input)
+    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m, STORED], radius_m, mounts)
 
 
 def validation_drive(config: TrainConfig) -> ValidationDrive | None:

@@ -2,8 +2,8 @@
 
 A cloud is small for a network with many short layers, so two processes of one thread are faster than
 one process of two, and far less affected by other load on the machine. Each cloud has its own batch norm
-statistics; therefore the result does not depend on the number of processes. On a GPU, one
-process handles all clouds, one after another, because a GPU context does not survive a fork.
+statistics; therefore the result does not depend on the number of processes. On a GPU, see
+`prepared_batches`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from advpipe.pipeline.detector.common.network import DetectionNetwork
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.families import family_named
 from advpipe.stages.train.examples import Examples
+from advpipe.stages.train.prepared_batches import BatchGradients, unordered_sums
 
 
 class Gradients(Protocol):
@@ -83,8 +84,13 @@ def gradients(net: DetectionNetwork, examples: Examples, workers: int) -> Iterat
     """The gradients of `net` on its examples, computed by this many worker processes, or in this process for
     one."""
     batch, device = examples.config.batch_size, net.device
+    if device.type != CPU:
+        with unordered_sums():
+            yield BatchGradients(net, examples, workers)
+        return
     rows = torch.zeros(batch, row_length(net), device=device)
-    if workers <= 1 or device.type != CPU:
+    workers = min(workers, batch)
+    if workers <= 1:
         replica, threads = Replica(net, examples), torch.get_num_threads()
 
         def here(step: int) -> Tensor:

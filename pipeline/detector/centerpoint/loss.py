@@ -25,6 +25,9 @@ def centre_losses(
     heat = focal_heat_loss(predictions.scores[b], target)
     code = predictions.codes[b][target.cells]
     box = (code - grid.encode(target.boxes)).abs().sum() / count
+    if grid.preset.overlap_weight:
+        overlap = anchor_loss.aligned_iou(grid.decode(code, target.cells), target.boxes)
+        box = box + grid.preset.overlap_weight * (1 - overlap).sum() / count
     quality = heat.new_zeros(())
     if predictions.qualities is not None:
         logits = predictions.qualities[b][target.cells]

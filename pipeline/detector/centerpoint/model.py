@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+import torch
 from torch import Tensor
 
 from advpipe.pipeline.detector.centerpoint.decode import decode_centres
 from advpipe.pipeline.detector.centerpoint.head import CentreHead, CentrePredictions
 from advpipe.pipeline.detector.centerpoint.loss import CENTRE_LOSS_PARTS, centre_losses
 from advpipe.pipeline.detector.centerpoint.presets import CenterPointPreset
-from advpipe.pipeline.detector.centerpoint.targets import CentreGrid
+from advpipe.pipeline.detector.centerpoint.targets import CentreGrid, CentreTargets
 from advpipe.pipeline.detector.common.network import LabelledPoints
 from advpipe.pipeline.detector.common.sparse_network import SparseNetwork
 from advpipe.pipeline.detector.common.voxel_detector import VoxelNetworkDetector
@@ -40,9 +41,15 @@ class CenterPointNet(SparseNetwork[CentrePredictions]):
     def cloud_losses(
         self, predictions: CentrePredictions, b: int, cloud: LabelledPoints
     ) -> tuple[Tensor, ...]:
+        return centre_losses(predictions, b, self.targets(cloud), self.centre_grid())
+
+    def targets(self, cloud: LabelledPoints) -> CentreTargets:
+        return self.centre_grid().assign(cloud.boxes, cloud.labels, cloud.ignored, cloud.uncounted)
+
+    def mean_losses(self, predictions: CentrePredictions, targets: Sequence[CentreTargets]) -> Tensor:
         grid = self.centre_grid()
-        target = grid.assign(cloud.boxes, cloud.labels, cloud.ignored, cloud.uncounted)
-        return centre_losses(predictions, b, target, grid)
+        parts = [centre_losses(predictions, b, target, grid) for b, target in enumerate(targets)]
+        return torch.stack([torch.stack(each) for each in parts]).mean(0)
 
     def cloud_detections(self, predictions: CentrePredictions, b: int) -> Detections:
         return decode_centres(predictions, b, self.centre_grid())

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import TypeVar
 
+import torch
 from torch import Tensor
 
-from advpipe.pipeline.detector.common.anchors import AnchorGrid
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets
 from advpipe.pipeline.detector.common.decode import decode_detections
 from advpipe.pipeline.detector.common.head import Predictions
-from advpipe.pipeline.detector.common.loss import LOSS_PARTS, cloud_losses
+from advpipe.pipeline.detector.common.loss import LOSS_PARTS, cloud_losses, losses
 from advpipe.pipeline.detector.common.network import LabelledPoints
 from advpipe.pipeline.detector.common.preset import AnchorVoxelPreset
 from advpipe.pipeline.detector.common.voxel_network import VoxelNetwork
@@ -41,9 +43,13 @@ class AnchorNetwork(VoxelNetwork[V, Predictions]):
         return self._grid
 
     def cloud_losses(self, predictions: Predictions, b: int, cloud: LabelledPoints) -> tuple[Tensor, ...]:
-        grid = self.anchor_grid()
-        target = grid.assign(cloud.boxes, cloud.labels, cloud.ignored, cloud.uncounted)
-        return cloud_losses(predictions, b, target, grid).parts
+        return cloud_losses(predictions, b, self.targets(cloud), self.anchor_grid()).parts
+
+    def targets(self, cloud: LabelledPoints) -> Targets:
+        return self.anchor_grid().assign(cloud.boxes, cloud.labels, cloud.ignored, cloud.uncounted)
+
+    def mean_losses(self, predictions: Predictions, targets: Sequence[Targets]) -> Tensor:
+        return torch.stack(losses(predictions, targets, self.anchor_grid()).parts)
 
     def cloud_detections(self, predictions: Predictions, b: int) -> Detections:
         return decode_detections(predictions, b, self.anchor_grid())

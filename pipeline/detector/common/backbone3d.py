@@ -32,7 +32,7 @@ class Backbone3d(nn.Module):
     def __init__(self, preset: SparsePreset) -> None:
         super().__init__()
         c0, c1, c2, c3, c4, c5 = preset.channels_3d
-        self.stage1 = nn.ModuleList([SparseLayer(4 + preset.extra_features, c0), SparseLayer(c0, c1)])
+        self.stage1 = nn.ModuleList([SparseLayer(preset.input_features, c0), SparseLayer(c0, c1)])
         self.stage2 = nn.ModuleList([SparseLayer(c1, c2), SparseLayer(c2, c2), SparseLayer(c2, c2)])
         self.stage3 = nn.ModuleList([SparseLayer(c2, c3), SparseLayer(c3, c3), SparseLayer(c3, c3)])
         self.stage4 = nn.ModuleList([SparseLayer(c3, c4), SparseLayer(c4, c4), SparseLayer(c4, c4)])
@@ -43,7 +43,7 @@ class Backbone3d(nn.Module):
         self.out_channels = c5 * depth
 
     def forward(self, features: Tensor, sites: Sites, occupancy: Tensor | None = None) -> Tensor:
-        """The bird's-eye map (B, C, H, W), channels last in memory, of voxel features (V, 4).
+        """The bird's-eye map (B, C, H, W), channels last in memory, of voxel features (V, C).
 
         occupancy: (V,) in [0, 1]; a voxel of occupancy 0 acts as if it held no point.
         """

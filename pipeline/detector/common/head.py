@@ -30,6 +30,12 @@ class Predictions:
     directions: Tensor
     qualities: Tensor | None = None
 
+    def of_cloud(self, b: int) -> Predictions:
+        """Those of cloud `b` alone, as a batch of one."""
+        qualities = None if self.qualities is None else self.qualities[b : b + 1]
+        one = slice(b, b + 1)
+        return Predictions(self.scores[one], self.codes[one], self.directions[one], qualities)
+
 
 class Head(nn.Module):
     """A 1 x 1 convolution for each type of prediction."""

@@ -43,13 +43,12 @@ class Losses:
 
 def losses(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGrid) -> Losses:
     """The mean losses over the clouds of a batch."""
-    parts = [_of_cloud(predictions, b, target, grid) for b, target in enumerate(targets)]
-    return _weighted(torch.stack(parts).mean(0))
+    return _weighted(_of_clouds(predictions, targets, grid).mean(0))
 
 
 def cloud_losses(predictions: Predictions, b: int, target: Targets, grid: AnchorGrid) -> Losses:
     """The losses of cloud `b` of a batch."""
-    return _weighted(_of_cloud(predictions, b, target, grid))
+    return _weighted(_of_clouds(predictions.of_cloud(b), [target], grid)[0])
 
 
 def _weighted(parts: Tensor) -> Losses:
@@ -59,26 +58,42 @@ def _weighted(parts: Tensor) -> Losses:
     )
 
 
-def _of_cloud(predictions: Predictions, b: int, target: Targets, grid: AnchorGrid) -> Tensor:
-    count = max(1, len(target.positive))
-    score = focal_loss(predictions.scores[b], target) / count
-    anchors = grid.boxes(target.positive)
-    target_code = encode_boxes(target.boxes, anchors)
-    code = predictions.codes[b][target.positive]
+def _of_clouds(predictions: Predictions, targets: Sequence[Targets], grid: AnchorGrid) -> Tensor:
+    """The parts of the loss (B, 4) of each cloud, normalised by its positive anchors, not yet weighted."""
+    clouds, device = len(predictions.scores), predictions.scores.device
+    counts = [len(target.positive) for target in targets]
+    cloud_of = torch.repeat_interleave(
+        torch.arange(clouds, device=device), torch.tensor(counts, device=device), output_size=sum(counts)
+    )
+    normal = torch.tensor([1 / max(1, count) for count in counts], device=device)
+
+    def per_cloud(of_positives: Tensor) -> Tensor:
+        """Values (P,) of the positive anchors, summed by cloud (B,)."""
+        return normal * of_positives.new_zeros(clouds).index_add(0, cloud_of, of_positives)
+
+    positive = torch.cat([target.positive for target in targets])
+    anchors = grid.boxes(positive)
+    boxes = torch.cat([target.boxes for target in targets])
+    target_code = encode_boxes(boxes, anchors)
+    code = predictions.codes[cloud_of, positive]
     # The heading loss uses sin(difference), so that a box turned by pi has no loss here.
     turn = torch.sin(code[:, 6] - target_code[:, 6])
     difference = torch.cat([code[:, :6] - target_code[:, :6], turn[:, None]], dim=1)
-    box = F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="sum", beta=BETA) / count
-    bins = direction_bin(target.boxes[:, 6], grid.preset.direction_offset_rad)
-    directions = predictions.directions[b][target.positive]
-    direction = F.cross_entropy(directions, bins, reduction="sum") / count
-    quality = score.new_zeros(())
+    box = F.smooth_l1_loss(difference, torch.zeros_like(difference), reduction="none", beta=BETA).sum(1)
+    preset = grid.preset
+    if preset.overlap_weight:
+        box = box + preset.overlap_weight * (1 - aligned_iou(decode_boxes(code, anchors), boxes))
+    bins = direction_bin(boxes[:, 6], preset.direction_offset_rad)
+    direction = F.cross_entropy(predictions.directions[cloud_of, positive], bins, reduction="none")
+    quality = code.new_zeros(len(code))
     if predictions.qualities is not None:
-        logits = predictions.qualities[b][target.positive]
+        logits = predictions.qualities[cloud_of, positive]
         # The IoU target is detached: otherwise boxes would be made worse to match a low quality.
-        iou = aligned_iou(decode_boxes(code.detach(), anchors), target.boxes)
-        quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="sum") / count
-    return torch.stack([score, box, direction, quality])
+        iou = aligned_iou(decode_boxes(code.detach(), anchors), boxes)
+        quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="none")
+    background, hit = focal_losses(predictions.scores, targets, cloud_of)
+    score = normal * background + per_cloud(hit)
+    return torch.stack([score, *map(per_cloud, (box, direction, quality))], dim=1)
 
 
 def aligned_iou(boxes: Tensor, truth: Tensor) -> Tensor:
@@ -92,15 +107,19 @@ def aligned_iou(boxes: Tensor, truth: Tensor) -> Tensor:
     return common / (boxes[:, 3:6].prod(1) + truth[:, 3:6].prod(1) - common)
 
 
-def focal_loss(scores: Tensor, target: Targets) -> Tensor:
-    """Sigmoid focal loss (Lin et al. 2017) of logits (N, classes), summed."""
+def focal_losses(scores: Tensor, targets: Sequence[Targets], cloud_of: Tensor) -> tuple[Tensor, Tensor]:
+    """Sigmoid focal loss (Lin et al. 2017) of logits (B, N, classes): the sums (B,) over the background of
+    each cloud, and the values (P,) of the positive anchors, whose clouds are `cloud_of` (P,)."""
+    positive = torch.cat([target.positive for target in targets])
+    labels = torch.cat([target.labels for target in targets])
     counted = torch.ones_like(scores)
-    counted[target.ignored] = 0
-    counted[target.positive, target.labels] = 0
+    for b, target in enumerate(targets):
+        counted[b, target.ignored] = 0
+    counted[cloud_of, positive, labels] = 0
     probability = torch.sigmoid(scores)
-    background = ((1 - ALPHA) * counted * probability**GAMMA * F.softplus(scores)).sum()
-    hit = scores[target.positive, target.labels]
-    return background + (ALPHA * torch.sigmoid(-hit) ** GAMMA * F.softplus(-hit)).sum()
+    background = (1 - ALPHA) * counted * probability**GAMMA * F.softplus(scores)
+    hit = scores[cloud_of, positive, labels]
+    return background.flatten(1).sum(1), ALPHA * torch.sigmoid(-hit) ** GAMMA * F.softplus(-hit)
 
 
 def direction_bin(yaw: Tensor, offset_rad: float) -> Tensor:

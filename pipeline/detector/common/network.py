@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import reduce
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -27,19 +27,28 @@ class LabelledPoints:
     """points: (N, 4) float32 x, y, z in metres and intensity. boxes: (M, 7) float32, columns
     `geometry.boxes.BOX_COLUMNS`. labels: (M,) int64, index into the network's classes. ignored: (M,) bool,
     boxes with too few points to learn from; None: there are none. uncounted: where it is unknown what is
-    background, in the frame of the points; None: nowhere."""
+    background, in the frame of the points; None: nowhere. targets: what `DetectionNetwork.targets` makes of
+    these; None: not made yet."""
 
     points: Tensor
     boxes: Tensor
     labels: Tensor
     ignored: Tensor | None = None
     uncounted: Uncounted | None = None
+    targets: Any = None
 
     def to(self, device: torch.device) -> LabelledPoints:
         """The same on a device."""
         points, boxes, labels = (part.to(device) for part in (self.points, self.boxes, self.labels))
         ignored = None if self.ignored is None else self.ignored.to(device)
-        return LabelledPoints(points, boxes, labels, ignored, self.uncounted)
+        return LabelledPoints(points, boxes, labels, ignored, self.uncounted, _moved(self.targets, device))
+
+
+def _moved(targets: Any, device: torch.device) -> Any:
+    """A dataclass of tensors on a device."""
+    if not is_dataclass(targets) or isinstance(targets, type):
+        return targets
+    return replace(targets, **{each.name: getattr(targets, each.name).to(device) for each in fields(targets)})
 
 
 class DetectionNetwork(nn.Module, ABC):
@@ -60,6 +69,15 @@ class DetectionNetwork(nn.Module, ABC):
 
         bf16: computed in half precision where that is safe.
         """
+
+    def targets(self, cloud: LabelledPoints) -> Any:
+        """What the head is to learn from a cloud, a dataclass of tensors: processes that prepare clouds make
+        it, so that a GPU need not wait; None where a network makes it in `training_losses`."""
+
+    def batch_losses(self, clouds: Sequence[LabelledPoints], *, bf16: bool = False) -> Tensor:
+        """The parts of `training_losses` (P,), averaged over clouds that share batch norm statistics, if the
+        network computes them together."""
+        return torch.stack([torch.stack(self.training_losses(cloud, bf16=bf16)) for cloud in clouds]).mean(0)
 
     @abstractmethod
     def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:

@@ -72,13 +72,20 @@ class SparsePreset(VoxelPreset):
 
     channels_3d: after the input layer, stages 1 to 4, and the z-compressing layer. input_offset, input_scale:
     the mean VFE's x, y, z, intensity enter the network as (value - offset) * scale. extra_features: further
-    features of a point that the network reads and our clouds lack: zeros.
+    features of a point that the network reads and our clouds lack: zeros. place_in_voxel: it also reads where
+    in its voxel the mean lies, from -1/2 to 1/2 along each axis, so that boxes are finer than voxels.
     """
 
     channels_3d: tuple[int, int, int, int, int, int]
     input_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     input_scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     extra_features: int = 0
+    place_in_voxel: bool = False
+
+    @property
+    def input_features(self) -> int:
+        """How many features of a voxel the network reads."""
+        return 4 + 3 * self.place_in_voxel + self.extra_features
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +97,8 @@ class SuppressionPreset(Preset):
     different classes may overlap; where two classes are likely, both are returned.
     quality_power: the head also predicts each box's IoU with the truth, and a detection scores
     class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: no such output.
+    overlap_weight: of 1 - IoU of each learned box with the truth in the loss of boxes, whose other parts
+    treat each number of a box alone (Yu et al. 2016, "UnitBox").
     """
 
     nms_iou: float = 0.1
@@ -98,6 +107,7 @@ class SuppressionPreset(Preset):
     vote_iou: float | None = None
     suppress_by_class: bool = False
     quality_power: float | None = None
+    overlap_weight: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,17 @@ class SparseNetwork(VoxelNetwork[Voxels, P]):
     def inputs(self, voxels: Voxels) -> Tensor:
         """The features (V, C) that the sparse backbone reads."""
         features = (voxels.features - self.input_offset) * self.input_scale
+        if self.preset.place_in_voxel:
+            features = torch.cat([features, self._place_in_voxel(voxels)], dim=1)
         return F.pad(features, (0, self.preset.extra_features))
+
+    def _place_in_voxel(self, voxels: Voxels) -> Tensor:
+        """Where in its voxel each mean lies (V, 3), from -1/2 to 1/2 along x, y and z."""
+        r, means = self.preset.range_m, voxels.features[:, :3]
+        _, z, y, x = voxels.sites.bzyx()
+        low_m = means.new_tensor([r.x_min_m, r.y_min_m, r.z_min_m])
+        place = (means - low_m) / means.new_tensor(self.preset.voxel_size_m)
+        return place - torch.stack([x, y, z], dim=1).to(place.dtype) - 0.5
 
     def bird_eye(self, voxels: Voxels, occupancy: Tensor | None) -> Tensor:
         bev: Tensor = self.backbone3d(self.inputs(voxels), voxels.sites, occupancy)

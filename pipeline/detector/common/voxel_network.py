@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -56,6 +56,10 @@ class VoxelNetwork(DetectionNetwork, Generic[V, P]):
         """The weighted parts of the loss of cloud `b` of a batch, in the order of `LOSS_PARTS`."""
 
     @abstractmethod
+    def mean_losses(self, predictions: P, targets: Sequence[Any]) -> Tensor:
+        """The mean (P,) of `cloud_losses` over a batch of clouds with these `targets`."""
+
+    @abstractmethod
     def cloud_detections(self, predictions: P, b: int) -> Detections:
         """The objects in cloud `b` of a batch."""
 
@@ -74,6 +78,11 @@ class VoxelNetwork(DetectionNetwork, Generic[V, P]):
         voxels has no gradient. Without a point in range the loss is that of an empty map, and its gradient
         is zero."""
         return self.cloud_losses(self(self.voxels([cloud.points]), bf16=bf16), 0, cloud)
+
+    def batch_losses(self, clouds: Sequence[LabelledPoints], *, bf16: bool = False) -> Tensor:
+        predictions = self(self.voxels([cloud.points for cloud in clouds]), bf16=bf16)
+        made = [self.targets(cloud) if cloud.targets is None else cloud.targets for cloud in clouds]
+        return self.mean_losses(predictions, made)
 
     def detections(self, clouds: Sequence[Tensor]) -> list[Detections]:
         """At most `preset.max_detections` in each; points that are not finite are ignored."""

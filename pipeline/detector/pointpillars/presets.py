@@ -34,7 +34,7 @@ class PointPillarsPreset(AnchorVoxelPreset):
 SMALL = PointPillarsPreset(
     name="small",
     range_m=SECOND_SMALL.range_m,
-    voxel_size_m=(0.16, 0.16, 5.4),
+    voxel_size_m=(0.16, 0.16, 7.38),
     expected_input=SECOND_SMALL.expected_input,
     channels=32,
     # The head reads no block finer than 0.64 m; its anchors are those of SECOND's `small`.
@@ -45,6 +45,7 @@ SMALL = PointPillarsPreset(
     input_scale=SECOND_SMALL.input_scale,
     from_mean_scale=(12.5, 12.5, 1.0),
     from_centre_scale=(12.5, 12.5, 0.4),
+    overlap_weight=0.5,
     vote_iou=0.5,
     suppress_by_class=True,
     quality_power=1.0,

@@ -18,14 +18,15 @@ class SecondPreset(AnchorVoxelPreset, SparsePreset):
 
 SMALL = SecondPreset(
     name="small",
-    # The ground, 1.8 m below, is in the middle of a layer of voxels, and the roofs of trucks are in range.
-    range_m=Range(-51.2, -51.2, -3.1, 51.2, 51.2, 2.3),
-    voxel_size_m=(0.1, 0.1, 0.2),
+    # From 0.4 m higher or lower, or tilted by 2 degrees, ground and trucks' roofs are in range everywhere.
+    # Strides leave two of so many layers, and no layer of voxels is without an effect.
+    range_m=Range(-51.2, -51.2, -4.35, 51.2, 51.2, 3.03),
+    voxel_size_m=(0.1, 0.1, 0.18),
     expected_input=ExpectedInput(lidar_height_m=1.8),
     channels_3d=(16, 16, 16, 32, 64, 64),
     bev=(BevBlock(4, 1, 64, 1, 128), BevBlock(4, 2, 128, 2, 128)),
     anchors=(
-        Anchor("car", 4.5, 1.85, 1.55, -1.8, 0.6, 0.45),
+        Anchor("car", 4.2, 1.8, 1.55, -1.8, 0.6, 0.45),
         Anchor("truck", 5.4, 2.05, 2.3, -1.8, 0.6, 0.45),
         Anchor("truck", 10.0, 2.5, 3.2, -1.8, 0.55, 0.4),
         Anchor("truck", 16.5, 2.55, 4.0, -1.8, 0.55, 0.4),
@@ -33,8 +34,10 @@ SMALL = SecondPreset(
         Anchor("pedestrian", 0.8, 0.7, 1.75, -1.8, 0.4, 0.25),
     ),
     # Coordinates of magnitude one train faster; height counted from the bottom also encodes "occupied".
-    input_offset=(0.0, 0.0, -3.1, 0.0),
+    input_offset=(0.0, 0.0, -4.35, 0.0),
     input_scale=(1 / 51.2, 1 / 51.2, 0.4, 1.0),
+    place_in_voxel=True,
+    overlap_weight=0.5,
     vote_iou=0.5,
     suppress_by_class=True,
     quality_power=1.0,
@@ -43,14 +46,16 @@ SMALL = SecondPreset(
 
 ALL_AROUND = SecondPreset(
     name="360",
-    range_m=Range(-51.2, -51.2, -3.0, 51.2, 51.2, 1.8),
-    voxel_size_m=(0.1, 0.1, 0.1),
+    range_m=Range(-51.2, -51.2, -4.2, 51.2, 51.2, 2.85),
+    voxel_size_m=(0.1, 0.1, 0.15),
     expected_input=ExpectedInput(lidar_height_m=1.8),
     channels_3d=(16, 16, 32, 64, 64, 128),
     bev=(BevBlock(5, 1, 128, 1, 256), BevBlock(5, 2, 256, 2, 256)),
     anchors=SMALL.anchors,
     input_offset=SMALL.input_offset,
     input_scale=SMALL.input_scale,
+    place_in_voxel=True,
+    overlap_weight=0.5,
     vote_iou=0.5,
     suppress_by_class=True,
     quality_power=1.0,

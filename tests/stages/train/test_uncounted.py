@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +11,8 @@ import torch
 
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.uncounted import Uncounted
-from advpipe.pipeline.detector.common.anchors import AnchorGrid
-from advpipe.pipeline.detector.common.loss import focal_loss
+from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets
+from advpipe.pipeline.detector.common.loss import focal_losses
 from advpipe.pipeline.detector.expected_input import ExpectedInput, with_trained_height
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.geometry.regions import ConvexRegion, LabelCoverage
@@ -21,7 +20,7 @@ from advpipe.pipeline.messages.labels import IgnoredBoxes
 from advpipe.stages.train.augment import augment
 from advpipe.stages.train.config import Augmentation
 from advpipe.stages.train.frames import FrameStore, TrainingFrame
-from advpipe.stages.train.heights import training_height
+from advpipe.stages.train.mounts import expected_height, mounts_of_frames
 from tests.stages.import_.importing import import_form
 from tests.stages.import_.kitti.kitti_folders import write_object_frames
 
@@ -85,6 +84,11 @@ def test_no_anchor_is_background_where_nobody_looked() -> None:
     assert (on_van & upright).any()
     assert set(np.flatnonzero(on_van & upright)) <= set(partly.ignored.tolist())
 
+    def focal_loss(scores: torch.Tensor, target: Targets) -> torch.Tensor:
+        cloud_of = torch.zeros(len(target.positive), dtype=torch.int64)
+        background, hits = focal_losses(scores[None], [target], cloud_of)
+        return background[0] + hits.sum()
+
     scores = torch.full((len(anchors), 4), -4.0)
     loss = focal_loss(scores, partly)
     scores[torch.from_numpy(unseen)] = 4.0
@@ -92,20 +96,32 @@ def test_no_anchor_is_background_where_nobody_looked() -> None:
     assert focal_loss(scores, everywhere) > 10 * focal_loss(torch.full_like(scores, -4.0), everywhere)
 
 
-def test_a_checkpoint_declares_the_height_of_its_training_drives(tmp_path: Path) -> None:
+def test_clouds_of_drives_are_seen_from_the_height_that_the_preset_expects(tmp_path: Path) -> None:
     kitti = write_object_frames(tmp_path / "kitti")
-    bags = [import_form("kitti", kitti, tmp_path / str(h), lidar_height_m=h).bag for h in (1.73, 1.93)]
-    about = training_height(bags)
+    heights_m = (1.5, 2.0)
+    bags = [import_form("kitti", kitti, tmp_path / str(h), lidar_height_m=h).bag for h in heights_m]
+    mounts = list(mounts_of_frames(bags, ExpectedInput(1.8)))
+    frames = [frame for bag in bags for frame in read_frames(bag)]
+    assert [round(mount.raised_m, 6) for mount in mounts] == [-0.3] * (len(frames) // 2) + [0.2] * (
+        len(frames) // 2
+    )
+    store = FrameStore.build(frames, tmp_path / "frames", "key", 100.0, mounts)
+    for i in (0, len(frames) - 1):
+        recorded, raised_m = frames[i], mounts[i].raised_m
+        stored = store.frame(i)
+        assert stored.boxes[:, 2] == pytest.approx(recorded.boxes.geometry[:, 2] + raised_m, abs=1e-5)
+        assert stored.points[:, 2].mean() == pytest.approx(recorded.cloud["z"].mean() + raised_m, abs=1e-3)
+    last = len(store.labels) - 1
+    points, box = store.object(last)
+    assert box[2] == pytest.approx(frames[-1].boxes.geometry[-1, 2] + mounts[-1].raised_m, abs=1e-5)
+    assert all(abs(points[:, 2] - box[2]) <= box[5] / 2 + 1e-4)
+
+
+def test_a_checkpoint_declares_the_height_of_its_preset() -> None:
+    about = expected_height(ExpectedInput(1.83))
     assert about == {"lidar_height_m": "1.83"}
     assert with_trained_height(ExpectedInput(1.8, 255.0), about) == ExpectedInput(1.83, 255.0)
     assert with_trained_height(None, about) == ExpectedInput(1.83)
     for unusable in ({}, {"lidar_height_m": "high"}, {"lidar_height_m": "nan"}, {"lidar_height_m": "170"}):
         assert with_trained_height(ExpectedInput(1.8), unusable) == ExpectedInput(1.8)
-    assert math.isclose(float(about["lidar_height_m"]), 1.83)
-
-
-def test_drives_of_different_heights_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    kitti = write_object_frames(tmp_path / "kitti")
-    bags = [import_form("kitti", kitti, tmp_path / str(h), lidar_height_m=h).bag for h in (1.5, 2.5)]
-    assert training_height(bags) == {"lidar_height_m": "2.00"}
-    assert "1.50 to 2.50 m above the ground" in capsys.readouterr().err
+    assert expected_height(None) == {}

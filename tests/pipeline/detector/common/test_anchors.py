@@ -23,8 +23,8 @@ def test_anchors_are_at_the_centres_of_cells():
     assert GRID.per_cell == 12
     boxes = GRID.boxes(torch.tensor([0, 13, 128 * 12 + 2]))
     expected = [
-        [-50.8, -50.8, -1.8 + 1.55 / 2, 4.5, 1.85, 1.55, 0.0],
-        [-50.0, -50.8, -1.8 + 1.55 / 2, 4.5, 1.85, 1.55, pi / 2],
+        [-50.8, -50.8, -1.8 + 1.55 / 2, 4.2, 1.8, 1.55, 0.0],
+        [-50.0, -50.8, -1.8 + 1.55 / 2, 4.2, 1.8, 1.55, pi / 2],
         [-50.8, -50.0, -1.8 + 2.3 / 2, 5.4, 2.05, 2.3, 0.0],
     ]
     torch.testing.assert_close(boxes, torch.tensor(expected))

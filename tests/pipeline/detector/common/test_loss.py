@@ -10,7 +10,13 @@ import torch
 
 from advpipe.pipeline.detector.common.anchors import AnchorGrid, Targets, encode_boxes
 from advpipe.pipeline.detector.common.head import Predictions
-from advpipe.pipeline.detector.common.loss import aligned_iou, direction_bin, focal_loss, losses
+from advpipe.pipeline.detector.common.loss import (
+    aligned_iou,
+    cloud_losses,
+    direction_bin,
+    focal_losses,
+    losses,
+)
 from advpipe.pipeline.detector.second.presets import SMALL
 from advpipe.pipeline.geometry.iou import iou_3d
 
@@ -30,7 +36,8 @@ def test_focal_loss_equals_a_sum_of_its_terms():
 
     # Anchor 0 is background, anchor 1 a car (and no truck), anchor 2 ignored.
     expected = background(-2.0) + background(0.5) + hit(1.0) + background(-1.0)
-    assert float(focal_loss(torch.tensor(logits), target)) == pytest.approx(expected, rel=1e-6)
+    background_sum, hits = focal_losses(torch.tensor([logits]), [target], torch.tensor([0]))
+    assert float(background_sum + hits.sum()) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_perfect_prediction_has_almost_no_loss_and_a_half_turn_only_direction_loss():
@@ -58,8 +65,8 @@ def test_a_perfect_prediction_has_almost_no_loss_and_a_half_turn_only_direction_
 
 
 def test_smooth_l1_equals_values_computed_by_hand():
-    grid = AnchorGrid(SMALL, 128, 128)
-    box = torch.tensor([[0.4, 0.4, -1.0, 4.5, 1.85, 1.55, 0.0]])
+    grid = AnchorGrid(replace(SMALL, overlap_weight=0.0), 128, 128)
+    box = torch.tensor([[0.4, 0.4, -1.0, 4.2, 1.8, 1.55, 0.0]])
     target = grid.assign(box, torch.tensor([0]))
     count = 128 * 128 * grid.per_cell
     codes = torch.zeros(1, count, 7)
@@ -116,3 +123,40 @@ def test_aligned_iou_agrees_with_the_rotated_one(xyz, size, iou):
 )
 def test_direction_bins_are_halves_of_the_circle(yaw, expected):
     assert direction_bin(torch.tensor([yaw]), pi / 4).tolist() == [expected]
+
+
+def test_the_overlap_of_boxes_adds_to_their_loss():
+    """A box that is 1 m off along its 4 m overlaps by 3 / 5; moved back, the loss has no such part."""
+    grids = [AnchorGrid(replace(SMALL, overlap_weight=weight), 128, 128) for weight in (0.0, 0.5)]
+    box = torch.tensor([[0.4, 0.4, -1.0, 4.0, 1.8, 1.5, 0.0]])
+    target = grids[0].assign(box, torch.tensor([0]))
+    anchors = grids[0].boxes(target.positive)
+    count = 128 * 128 * grids[0].per_cell
+    found = []
+    for moved_m in (0.0, 1.0):
+        codes = torch.zeros(1, count, 7)
+        moved = target.boxes + torch.tensor([moved_m, 0, 0, 0, 0, 0, 0])
+        codes[0, target.positive] = encode_boxes(moved, anchors)
+        predictions = Predictions(torch.zeros(1, count, 4), codes, torch.zeros(1, count, 2))
+        without, with_it = (float(losses(predictions, [target], grid).box) for grid in grids)
+        found.append(with_it - without)
+    assert found == pytest.approx([0.0, 2 * 0.5 * (1 - 3 / 5)], abs=1e-5)
+
+
+def test_the_losses_of_a_batch_are_the_mean_of_its_clouds():
+    generator = torch.Generator().manual_seed(0)
+    grid = AnchorGrid(SMALL, 128, 128)
+    boxes = torch.tensor([[0.4, 0.4, -1.0, 4.0, 1.8, 1.5, 0.0], [9.0, 3.0, -1.0, 4.4, 1.9, 1.6, 1.0]])
+    targets = [grid.assign(boxes[:n], torch.zeros(n, dtype=torch.int64)) for n in (0, 1, 2)]
+    count = 128 * 128 * grid.per_cell
+
+    def drawn(columns: int) -> torch.Tensor:
+        return torch.randn(3, count, columns, generator=generator)
+
+    predictions = Predictions(drawn(4), drawn(7), drawn(2), drawn(1).squeeze(2))
+    alone = [
+        torch.stack(cloud_losses(predictions, b, target, grid).parts) for b, target in enumerate(targets)
+    ]
+    together = torch.stack(losses(predictions, targets, grid).parts)
+    torch.testing.assert_close(together, torch.stack(alone).mean(0))
+    assert alone[0][1:].tolist() == [0, 0, 0]

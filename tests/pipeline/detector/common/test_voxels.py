@@ -12,11 +12,11 @@ from advpipe.pipeline.detector.second.presets import KITTI, SMALL
 
 POINTS = torch.tensor(
     [
-        [-51.2, -51.2, -3.1, 0.5],  # the lowest corner: inside
+        [-51.2, -51.2, -4.35, 0.5],  # the lowest corner: inside
         [0.01, 0.02, 0.0, 1.0],
         [0.09, 0.04, 0.1, 0.0],  # the same voxel as the point before
         [51.2, 0.0, 0.0, 0.5],  # on the upper bound: outside
-        [0.0, 0.0, 2.31, 0.5],  # above
+        [0.0, 0.0, 3.04, 0.5],  # above
         [float("nan"), 0.0, 0.0, 0.5],
         [0.0, 0.0, 0.0, float("inf")],
     ]
@@ -27,11 +27,11 @@ def test_voxels_have_mean_features_and_rows_of_points():
     voxels = voxelise([POINTS], SMALL)
     assert voxels.point_to_voxel.tolist() == [0, 1, 1, -1, -1, -1, -1]
     torch.testing.assert_close(
-        voxels.features, torch.tensor([[-51.2, -51.2, -3.1, 0.5], [0.05, 0.03, 0.05, 0.5]])
+        voxels.features, torch.tensor([[-51.2, -51.2, -4.35, 0.5], [0.05, 0.03, 0.05, 0.5]])
     )
     batch, z, y, x = voxels.sites.bzyx()
     assert batch.tolist() == [0, 0]
-    assert z.tolist() == [0, 15]
+    assert z.tolist() == [0, 24]
     assert y.tolist() == [0, 512]
     assert x.tolist() == [0, 512]
 
