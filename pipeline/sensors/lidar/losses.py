@@ -35,6 +35,4 @@ class Patches:
         """Numbers (R,) in [0, 1), each uniformly distributed; the patches lie elsewhere in each turn."""
         start = int(rng.integers(len(self._tile) // self._channels)) * self._channels
         uniform = np.concatenate([self._tile[start:], self._tile[:start]])
-        uniform += np.float32(rng.random())
-        uniform[uniform >= 1] -= 1
-        return uniform
+        return uniform if rng.random() < 0.5 else 1 - uniform

@@ -117,6 +117,14 @@ def test_echoes_are_distributed_as_if_every_particle_were_drawn(
     assert np.median(power) == pytest.approx(np.median(strongest[strongest > 0]), rel=0.25)
 
 
+def test_rain_of_10_mm_per_hour_is_seen_near_the_sensor() -> None:
+    # 2.528 drops a mm of slope: at 1.5 m a beam of 4.5 mm needs 0.001 = 0.02 (D / 4.5)^2, so D of 1.0 mm.
+    echoes = rain(10, SENSOR).echoes(100_000, np.random.default_rng(0))
+    assert 0.005 < len(echoes.rays) / 100_000 < 0.01
+    assert 1.2 < np.median(echoes.range_m) < 2.5
+    assert echoes.signal.min() > 0.001 * 0.99
+
+
 def test_clear_weather_changes_no_byte() -> None:
     assert cloud(Weather()).tobytes() == cloud(None).tobytes()
 
