@@ -24,11 +24,29 @@ class UserObject(Section):
 class Environment(Section):
     """Static objects beside the roads, drawn from the seed, and the weather."""
 
-    buildings: Probability = Field(0.6, description="share of the building plots with a building")
-    trees_per_km: NotNegative = Field(25.0, le=500, description="trees per kilometre of kerb")
+    buildings: Probability = Field(
+        0.75, description="share of the parcels along streets with houses; a third of it beside rural roads"
+    )
+    rows: Probability = Field(
+        0.35, description="share of the streets whose houses stand in rows, wall to wall"
+    )
+    fences: Probability = Field(
+        0.55,
+        description="share of the parcels enclosed by fences or walls; 0.3 of it: noise barriers beside "
+        "fast roads",
+    )
+    hedges: Probability = Field(0.4, description="share of the parcels enclosed by hedges")
+    slopes: Probability = Field(
+        0.35, description="share of the gardens with banks, terraces or a rise; how hilly the land is beyond"
+    )
+    wires: Probability = Field(0.25, description="share of the streets with overhead wires on poles")
+    trees_per_km: NotNegative = Field(55.0, le=500, description="trees per kilometre of kerb")
+    bushes_per_km: NotNegative = Field(
+        90.0, le=500, description="bushes, beds and tufts of rough grass per kilometre of kerb"
+    )
     poles_per_km: NotNegative = Field(30.0, le=500, description="lamp posts and signs per kilometre of kerb")
     clutter_per_km: NotNegative = Field(
-        12.0, le=500, description="hedges, containers and cabinets per kilometre of kerb"
+        16.0, le=500, description="bins, cabinets, benches, bicycle stands and shelters per kilometre of kerb"
     )
     barriers: Probability = Field(0.3, description="share of the road edges with a guard rail or wall")
     objects: tuple[UserObject, ...] = Field((), max_length=10_000, description="meshes of your own")

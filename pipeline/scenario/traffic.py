@@ -79,7 +79,7 @@ class Traffic(Section):
         "fleet; the shares are normalised to a sum of 1",
     )
     pedestrians: Whole = Field(40, ge=0, le=5000, description="number of people on foot beside the roads")
-    parked_per_km: NotNegative = Field(15.0, le=150, description="parked cars per kilometre of kerb")
+    parked_per_km: NotNegative = Field(45.0, le=150, description="parked cars per kilometre of kerb")
     routes: File | None = Field(
         None,
         description="path of a SUMO route file of your own, which replaces `vehicles` and `mix`; "

@@ -1,10 +1,12 @@
-"""Street furniture: lamp posts, signs, signals, fences, walls, bins, shelters, cabinets.
+"""Street furniture: lamp posts, signs, signals, bins, benches, bicycle stands, shelters, cabinets.
 
 Each faces the oncoming traffic along its kerb. In its frame, x points in the driving direction and y to the
 left, towards the road; the origin is on the ground.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 
@@ -16,9 +18,9 @@ def lamp_post(rng: np.random.Generator) -> Mesh:
     height_m, reach_m = rng.uniform(6.0, 10.0), rng.uniform(1.0, 2.2)
     return merge(
         [
-            tube((0, 0, -0.3), (0, 0, 1.2), 0.11, "steel", 8),
-            tube((0, 0, 1.2), (0, 0, height_m), 0.07, "steel", 8),
-            tube((0, 0, height_m), (0, reach_m, height_m + 0.25), 0.04, "steel", 6),
+            tube((0, 0, -0.3), (0, 0, 1.2), 0.11, "steel", 6),
+            tube((0, 0, 1.2), (0, 0, height_m), 0.07, "steel", 6),
+            tube((0, 0, height_m), (0, reach_m, height_m + 0.25), 0.04, "steel", 4),
             box_mesh((0.25, 0.6, 0.12), "steel").moved(0, reach_m + 0.2, height_m + 0.18),
         ]
     )
@@ -75,23 +77,6 @@ def delineator(rng: np.random.Generator) -> Mesh:
     return merge([box_mesh((0.12, 0.12, 1.0), "barrier_concrete"), reflector])
 
 
-def fence(length_m: float, rng: np.random.Generator) -> Mesh:
-    """A fence of upright slats with gaps as wide as the slats."""
-    height_m = rng.uniform(0.9, 1.6)
-    slats = np.arange(-length_m / 2, length_m / 2, 0.2)
-    corners = np.stack(
-        [
-            np.stack([slats + dx, np.zeros(len(slats)), np.full(len(slats), z)], axis=1)
-            for dx, z in ((0, 0.05), (0.1, 0.05), (0.1, height_m), (0, height_m))
-        ],
-        axis=1,
-    )
-    first = 4 * np.arange(len(slats))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
-    rails = [box_mesh((length_m, 0.04, 0.08), "wood").moved(0, 0.03, z) for z in (0.25, height_m - 0.25)]
-    return merge([surface(corners.reshape(-1, 3), faces, "wood"), *rails])
-
-
 def litter_bin(rng: np.random.Generator) -> Mesh:
     """A bin, or two large ones on wheels."""
     if rng.random() < 0.5:
@@ -113,3 +98,63 @@ def shelter(rng: np.random.Generator) -> Mesh:
     posts = [tube((x, y, 0), (x, y, 2.35), 0.04, "steel", 6) for x in (-1.85, 1.85) for y in (-0.75, 0.6)]
     bench = box_mesh((2.4, 0.4, 0.06), "wood").moved(0, -0.45, 0.45)
     return merge([box_mesh((4.0, 1.7, 0.12), "steel").moved(0, 0, 2.35), pane, end, *posts, bench])
+
+
+def bench(rng: np.random.Generator) -> Mesh:
+    """A bench with a back, towards the road."""
+    seat = [box_mesh((1.7, 0.12, 0.05), "wood").moved(0, y, 0.45) for y in (-0.12, 0.02, 0.16)]
+    back = [box_mesh((1.7, 0.04, 0.12), "wood").moved(0, -0.24, z) for z in (0.6, 0.76)]
+    legs = [box_mesh((0.06, 0.45, 0.45), "steel").moved(x, 0, 0) for x in (-0.7, 0.7)]
+    return merge([*seat, *back, *legs])
+
+
+def bicycle_stand(rng: np.random.Generator) -> Mesh:
+    """Hoops across the kerb; bicycles lean against some of them."""
+    parts = []
+    for x in np.arange(int(rng.integers(2, 5))) * 0.9 - 1.3:
+        corners = [(x, -0.4, 0), (x, -0.4, 0.8), (x, 0.4, 0.8), (x, 0.4, 0)]
+        parts += [tube(a, b, 0.025, "steel", 4) for a, b in itertools.pairwise(corners)]
+        if rng.random() < 0.65:
+            parts.append(_bicycle().moved(float(x) + 0.12, 0, 0))
+    return merge(parts)
+
+
+def _bicycle() -> Mesh:
+    """A bicycle that stands across, in few pieces: two rims, a frame, bars and a saddle."""
+    angle = 2 * np.pi * np.arange(10) / 10
+    rings = []
+    for y in (-0.52, 0.52):
+        outer, inner = (
+            np.column_stack([0 * angle, y + r * np.cos(angle), 0.34 + r * np.sin(angle)])
+            for r in (0.34, 0.29)
+        )
+        i, j = np.arange(10), (np.arange(10) + 1) % 10
+        faces = np.concatenate([np.stack([i, j, i + 10], axis=1), np.stack([j, j + 10, i + 10], axis=1)])
+        rings.append(surface(np.concatenate([outer, inner]), faces, "rubber"))
+    points = [(0.0, -0.52, 0.34), (0.0, -0.3, 0.85), (0.0, 0.35, 0.8), (0.0, 0.52, 0.34), (0.0, 0.0, 0.32)]
+    pairs = [(0, 1), (1, 2), (2, 3), (1, 4), (2, 4), (0, 4)]
+    bars = [tube(points[a], points[b], 0.02, "fence_metal", 3) for a, b in pairs]
+    handle = box_mesh((0.55, 0.05, 0.05), "fence_metal").moved(0, 0.35, 0.95)
+    return merge([*rings, *bars, handle, box_mesh((0.13, 0.25, 0.06), "rubber").moved(0, -0.3, 0.88)])
+
+
+def construction_barrier(rng: np.random.Generator) -> Mesh:
+    """Red and white boards on feet around a hole, with a heap of soil beside."""
+    parts = []
+    for x in (-1.1, 1.1):
+        boards = [box_mesh((2.0, 0.04, 0.2), "hazard_board").moved(x, 0.6, z) for z in (0.75, 0.35)]
+        feet = [
+            box_mesh((0.25, 0.5, 1.0), "rubber").scaled(0.3, 1, 1).moved(x + dx, 0.6, 0) for dx in (-0.9, 0.9)
+        ]
+        parts += [*boards, *feet]
+    angle = 2 * np.pi * np.arange(8) / 8
+    foot = np.column_stack([1.2 * np.cos(angle), 0.5 * np.sin(angle) - 0.2, np.full(8, -0.05)])
+    top = np.array([[0.0, -0.2, rng.uniform(0.4, 0.8)]])
+    heap = [[i, (i + 1) % 8, 8] for i in range(8)]
+    return merge([*parts, surface(np.concatenate([foot, top]), heap, "soil")])
+
+
+def utility_pole(rng: np.random.Generator, height_m: float) -> Mesh:
+    """A wooden pole with a cross-arm, which carries overhead wires."""
+    arm = box_mesh((0.1, 1.5, 0.12), "wood").moved(0, 0, height_m - 0.5)
+    return merge([tube((0, 0, -0.3), (0, 0, height_m), 0.13, "wood", 7), arm])

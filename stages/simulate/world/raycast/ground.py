@@ -13,6 +13,7 @@ from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.road_network.roads import KERB_M, RoadLevel, Roads, offset_right, resample
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge, strip, surface
 from advpipe.stages.simulate.world.raycast.shapes import triangulated
+from advpipe.stages.simulate.world.raycast.terrain import GROUND_CELL_M, Terrain
 
 PAVEMENT_M = ((0.0, 2.35, "paving"), (2.35, 3.0, "grass"), (3.0, 5.0, "concrete"))
 """From the kerb outward: parking bays, a verge with lamp posts, the walkway."""
@@ -20,14 +21,12 @@ PAVEMENT_M = ((0.0, 2.35, "paving"), (2.35, 3.0, "grass"), (3.0, 5.0, "concrete"
 SKIRT_M = 0.9
 """Thickness of a bridge's deck."""
 
-GROUND_CELL_M = 6.5
 GROUND_MARGIN_M = 130.0
-EMBANKMENT_SLOPE = 0.5
 
 Height = Callable[[Float64], Float64]
 
 
-def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -> Mesh:
+def build_ground(network: RoadNetwork, roads: Roads, terrain: Terrain, rng: np.random.Generator) -> Mesh:
     """The surfaces of roads, pavements, islands and grass as one mesh in the map's frame."""
     lowest = roads.levels[0]
     piece_m = 20.0 if roads.is_flat else 4.0
@@ -56,7 +55,7 @@ def build_ground(network: RoadNetwork, roads: Roads, rng: np.random.Generator) -
     parts += [strip(line + (0, 0, KERB_M), line, "kerbstone") for line in kerbs]
     for level in roads.levels[1:]:
         parts += _bridge_sides(level, roads)
-    parts.append(_grass(roads, rng))
+    parts.append(_grass(roads, terrain, rng))
     return merge(parts)
 
 
@@ -116,7 +115,7 @@ def _bridge_sides(level: RoadLevel, roads: Roads) -> list[Mesh]:
     return [strip(line + (0, 0, KERB_M), line - (0, 0, SKIRT_M), "barrier_concrete") for line in lines]
 
 
-def _grass(roads: Roads, rng: np.random.Generator) -> Mesh:
+def _grass(roads: Roads, terrain: Terrain, rng: np.random.Generator) -> Mesh:
     """Uneven grass, a little below the roads, as far as `GROUND_MARGIN_M` or twice that from them."""
     per_block = round(GROUND_MARGIN_M / GROUND_CELL_M)
     places = np.concatenate([level.samples_m[:, :2] for level in roads.levels])
@@ -128,29 +127,7 @@ def _grass(roads: Roads, rng: np.random.Generator) -> Mesh:
     corners = (cells[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])).reshape(-1, 2)
     nodes, node_of_corner = np.unique(corners, axis=0, return_inverse=True)
     xy_m = nodes * GROUND_CELL_M
-    z_m = terrain_at(xy_m, roads) - 0.03 - 0.09 * rng.random(len(nodes))
+    z_m = terrain.at(xy_m) - 0.03 - 0.09 * rng.random(len(nodes))
     quads = node_of_corner.reshape(-1, 4)
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return surface(np.column_stack([xy_m, z_m]), triangles, "grass")
-
-
-def terrain_at(xy_m: Float64, roads: Roads) -> Float64:
-    """Height (N,) in metres of the ground at places (N, 2), without its unevenness.
-
-    The ground is as high as the nearest road. Embankments slope up to bridges and never cover a lower road.
-    """
-    if roads.is_flat:
-        return roads.levels[0].height_at(xy_m)
-    nearest_m = np.full(len(xy_m), np.inf)
-    terrain = np.zeros(len(xy_m))
-    rise = []
-    for level in roads.levels:
-        distances_m, nearest = level.tree.query(xy_m, k=list(range(1, 65)))
-        heights_m = np.append(level.samples_m[:, 2], np.inf)[nearest]
-        terrain = np.where(distances_m[:, 0] < nearest_m, heights_m[:, 0], terrain)
-        nearest_m = np.minimum(nearest_m, distances_m[:, 0])
-        # Subtract the size of a cell, so that none of its corners rises above a road that passes through it.
-        beyond_m = np.maximum(np.where(np.isfinite(distances_m), distances_m, 0.0) - 1.5 * GROUND_CELL_M, 0.0)
-        rise.append((heights_m + EMBANKMENT_SLOPE * beyond_m).min(axis=1))
-    lowest: Float64 = np.minimum(terrain, np.min(rise, axis=0))
-    return lowest

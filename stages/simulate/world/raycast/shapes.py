@@ -43,6 +43,43 @@ def quad(corners_m: npt.ArrayLike, material: str) -> Mesh:
     return surface(corners_m, [[0, 1, 2], [0, 2, 3]], material)
 
 
+def quads(corners_m: npt.ArrayLike, material: str) -> Mesh:
+    """Sheets with four corners (N, 4, 3) each, in order around them."""
+    points = np.asarray(corners_m, dtype=np.float64).reshape(-1, 3)
+    first = np.arange(0, len(points), 4)[:, None]
+    return surface(points, np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]), material)
+
+
+def upright(sides_m: npt.ArrayLike, y_m: float | Float64, material: str) -> Mesh:
+    """Upright rectangles in planes y = `y_m`, from their sides (N, 4): x from, x to, z from, z to."""
+    a, b, low, high = np.asarray(sides_m, dtype=np.float64).reshape(-1, 4).T
+    y = np.broadcast_to(np.asarray(y_m, dtype=np.float64), a.shape)
+    corners = [(a, y, low), (b, y, low), (b, y, high), (a, y, high)]
+    return quads(np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1), material)
+
+
+def limbs(
+    starts_m: Float64, ends_m: Float64, radii_m: Float64, material: str, sides: int = 3, taper: float = 0.6
+) -> Mesh:
+    """Open tubes from points (N, 3) to points (N, 3), which narrow from their radius (N,) to `taper` of it.
+
+    With two sides, they are flat.
+    """
+    axis = ends_m - starts_m
+    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
+    across = np.cross(axis, np.where(np.abs(axis[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(axis, across)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.cos(angle)[:, None] * across[:, None] + np.sin(angle)[:, None] * other[:, None]
+    low = starts_m[:, None] + radii_m[:, None, None] * ring
+    high = ends_m[:, None] + taper * radii_m[:, None, None] * ring
+    here = np.arange(sides if sides > 2 else 1)
+    after = (here + 1) % sides
+    corners = np.stack([low[:, here], low[:, after], high[:, after], high[:, here]], axis=2)
+    return quads(corners.reshape(-1, 4, 3), material)
+
+
 def wheel(x_m: float, y_m: float, radius_m: float, tread_m: float, sides: int = 12) -> Mesh:
     """A tyre on the ground with its rim; its outer side is at `y_m`."""
     angle = 2 * np.pi * np.arange(sides) / sides

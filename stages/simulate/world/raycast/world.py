@@ -26,11 +26,13 @@ from advpipe.stages.simulate.world.raycast.ground import build_ground
 from advpipe.stages.simulate.world.raycast.instanced_bodies import CandidateHits, InstancedBodies
 from advpipe.stages.simulate.world.raycast.markings import build_markings
 from advpipe.stages.simulate.world.raycast.mesh import merge
-from advpipe.stages.simulate.world.raycast.occupied import Occupied
+from advpipe.stages.simulate.world.raycast.occupied import Occupied, walkways
+from advpipe.stages.simulate.world.raycast.parking import park_cars
 from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, Returns, Scene
-from advpipe.stages.simulate.world.raycast.scenery import build_scenery, park_cars
+from advpipe.stages.simulate.world.raycast.scenery import build_scenery
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
 from advpipe.stages.simulate.world.raycast.surface_detail import DetailMap
+from advpipe.stages.simulate.world.raycast.terrain import Terrain
 from advpipe.stages.simulate.world.raycast.view import Viewer, moved_on
 
 NEAR_M = 10.0
@@ -47,16 +49,17 @@ class RaycastWorld:
         seed = scenario.simulation.seed
         self.offers: frozenset[Offer] = frozenset({"road users", "rays", "surfaces"})
         self.roads: Roads = lay_out_roads(network)
-        occupied = Occupied(self.roads)
+        occupied = Occupied(self.roads, free=walkways(self.roads))
 
         def generator(use: str) -> np.random.Generator:
             return named_generator(seed, "world", use)
 
         self.parked: list[RoadUser] = park_cars(scenario, self.roads, variants, occupied, generator("parked"))
-        scenery, footprints = build_scenery(scenario, network, self.roads, occupied, generator("scenery"))
+        terrain = Terrain(self.roads, scenario.environment.slopes, generator("terrain"))
+        scenery, footprints = build_scenery(scenario, network, self.roads, terrain, occupied, generator)
         self.footprints: list[shapely.Polygon] = footprints
         static = [
-            build_ground(network, self.roads, generator("ground")),
+            build_ground(network, self.roads, terrain, generator("ground")),
             *build_markings(network, generator("markings")),
             scenery,
             *build_barriers(scenario.environment.barriers, self.roads, occupied, generator("barriers")),
