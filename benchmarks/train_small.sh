@@ -15,7 +15,7 @@ mkdir -p "$work"
 
 drives=()
 drive() { # name, seed, further settings
-    local settings=(--set "simulation.seed=$2" --set simulation.duration_s=80)
+    local settings=(--set "simulation.seed=$2" --set simulation.duration_s=60)
     for setting in "${@:3}"; do settings+=(--set "$setting"); done
     [ -d "$work/$1" ] || "$bin/advpipe" simulate training --out "$work/$1" "${settings[@]}"
     drives+=("$work/$1")
