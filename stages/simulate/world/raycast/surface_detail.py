@@ -32,7 +32,7 @@ FARTHEST_M = np.float32(1000.0)
 CRACK = np.float32(0.012)
 """Cracks run where the stains pass zero, on this share of either side; on asphalt some 1 % of the surface."""
 
-PAINT_GLOSS, TRIM_GLOSS = 0.95, 0.75
+PAINT_GLOSS, TRIM_GLOSS = 0.4, 0.3
 """Share of the light of a painted body, and of rims, tyres and trim, that is returned only near the normal:
 flakes and clear coat lie parallel to the panel. With it, dark and metallic cars give hardly any return at a
 slant, white ones do. Fitted to the intensities on cars of real clouds, whose median is 0."""
@@ -51,7 +51,7 @@ ROUGHNESS: Mapping[str, Roughness] = {
     "pavement": Roughness(0.18, 0.005),
     "ground": Roughness(0.22, 0.012),
     "vegetation": Roughness(0.15, 0.03),
-    "building": Roughness(0.16, 0.018),
+    "building": Roughness(0.16, 0.022),
     "pole": Roughness(0.08, 0.0),
     "sign": Roughness(0.05, 0.0),
     "barrier": Roughness(0.15, 0.004),
