@@ -24,7 +24,6 @@ from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, points_in_boxes
 from advpipe.pipeline.geometry.ground_plane import fit_ground
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.kitti.occlusion import LARGELY_OCCLUDED
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 
@@ -45,7 +44,10 @@ UPRIGHT, LEVEL, ROUGHEST_M = 0.2, 0.95, 0.1
 """Walls have a normal with |z| below the first value, the ground one above the second; rougher cells are
 neither."""
 
-CAR_RANGES_M, CAR_BAND_M = (10, 20, 30, 40), 5.0
+CAR_RANGES_M, CAR_BAND_M = (10, 20, 30, 40), 4.0
+
+MOST_HIDDEN = 0.1
+"""A visible car is hidden by less than this share, as KITTI's occlusion 0, "fully visible"."""
 
 
 class CloudStatistics:
@@ -110,7 +112,7 @@ class CloudStatistics:
             seen = [
                 points
                 for range_m, occluded, points in self._cars
-                if abs(range_m - away_m) < CAR_BAND_M and not occluded >= LARGELY_OCCLUDED
+                if abs(range_m - away_m) < CAR_BAND_M and not occluded >= MOST_HIDDEN
             ]
             found[f"points on a visible car at {away_m} m"] = _median(seen)
         everything, cars, ground = map(_joined, (self._intensity, self._of_cars, self._of_ground))

@@ -25,7 +25,8 @@ class Patches:
             fall = np.exp(-2 * (np.pi * np.fft.fftfreq(size) * width) ** 2)
             spectrum *= fall[:, None] if axis == 0 else fall[None]
         smooth = np.fft.ifft2(spectrum).real
-        mixed = (SHARED * smooth / smooth.std() if smooth.size > 1 else 0) + np.sqrt(1 - SHARED**2) * own
+        spread = smooth.std() or 1.0  # a single ray is like no other
+        mixed = SHARED * smooth / spread + np.sqrt(1 - SHARED**2) * own
         self._channels = channels
         rank = np.empty(mixed.size)
         rank[np.argsort(mixed, axis=None)] = np.arange(mixed.size)

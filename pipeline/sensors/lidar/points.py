@@ -31,11 +31,15 @@ class Points(NamedTuple):
         power[is_there] = self.signal[same] / np.square(self.range_m[same])
         wins = others.signal > power * np.square(others.range_m)
         wins &= others.range_m < reach_m[others.rays]
-        replaced, added = wins & is_there, np.flatnonzero(wins & ~is_there)
+        replaced, added = np.flatnonzero(wins & is_there), np.flatnonzero(wins & ~is_there)
         added = added[np.argsort(others.rays[added])]
-        columns = []
-        for own, other in zip(self, others, strict=True):
-            column = own.copy()
-            column[at[replaced]] = other[replaced]
-            columns.append(np.insert(column, at[added], other[added]))
-        return Points(*columns)
+        count = len(self.rays)
+        chosen = np.arange(count)
+        chosen[at[replaced]] = count + replaced
+        chosen = np.insert(chosen, at[added], count + added)
+        return Points(
+            np.concatenate([self.rays, others.rays])[chosen],
+            np.concatenate([self.range_m, others.range_m])[chosen],
+            np.concatenate([self.signal, others.signal])[chosen],
+            np.concatenate([self.objects, others.objects])[chosen],
+        )

@@ -67,9 +67,10 @@ def targets_of(
     cos = hits.cos_incidence[rays]
     detail = _switched(hits, real)
     signal = return_signal(hits, rays, sensor.atmosphere_attenuation_rate, detail)
-    relief_m = np.zeros(len(rays), np.float32)
+    relief_m: Float32 = np.zeros(len(rays), np.float32)
     if detail is not None and real.relief:
-        relief_m = detail.relief_m[rays] / np.maximum(cos, LEAST_RELIEF_COS)
+        relief_m = detail.relief_m[rays]
+        relief_m /= np.maximum(cos, LEAST_RELIEF_COS)
     wet, surfaces = np.ones(len(rays), np.float32), hits.surfaces
     if wetness and surfaces is not None:
         ground = np.flatnonzero(_WET[surfaces[rays]] & ~hits.retroreflective[rays])

@@ -68,8 +68,8 @@ _CONTRAST, _RELIEF_M = np.array(
 _CONTRAST[RETROREFLECTIVE | (TRANSMITTANCE > 0)] = 0
 _RELIEF_M[RETROREFLECTIVE | (TRANSMITTANCE > 0)] = 0
 _MASK = SIZE - 1
-_IS_CRACKED = SEMANTIC_CLASSES.index("road") == SEMANTIC
-_IS_TRIM = (SEMANTIC_CLASSES.index("vehicle") == SEMANTIC) & ~RETROREFLECTIVE & (TRANSMITTANCE == 0)
+_IS_CRACKED: npt.NDArray[np.bool_] = np.equal(SEMANTIC, SEMANTIC_CLASSES.index("road"))
+_IS_TRIM = np.equal(SEMANTIC, SEMANTIC_CLASSES.index("vehicle")) & ~RETROREFLECTIVE & (TRANSMITTANCE == 0)
 _GLOSS = np.where(_IS_TRIM, np.float32(TRIM_GLOSS), np.float32(0))
 _GLOSS[[name.startswith("paint") for name in MATERIALS]] = PAINT_GLOSS
 _GLOSS[list(MATERIALS).index("interior")] = 0
@@ -120,4 +120,5 @@ class DetailMap:
         # One height for all origins of a turn: a vehicle rises by millimetres in that time.
         place_m += rays[0, 2] * of_height + self._shift_m[axis]
         place_m *= np.float32(1 / GRAIN_M)
-        return np.floor(place_m, out=place_m).astype(np.int32)
+        cells: npt.NDArray[np.int32] = np.floor(place_m, out=place_m).astype(np.int32)
+        return cells
