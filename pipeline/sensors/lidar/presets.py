@@ -25,7 +25,7 @@ _CALIBRATED: dict[str, Any] = {
 
 _KITTI: dict[str, Any] = {
     "intensity_response": {
-        "scale": 0.63, "exponent": 0.4, "threshold": 0.04, "threshold_range_m": 80.0, "levels": 100
+        "scale": 0.63, "exponent": 0.4, "threshold": 0.032, "threshold_range_m": 80.0, "levels": 100
     }
 }  # fmt: skip
 """Fitted to 38 frames of KITTI's Velodyne HDL-64E: intensity on all points .255 on average (5, 50 and 95 %:
@@ -88,9 +88,10 @@ LIDAR_PRESETS: dict[str, dict[str, Any]] = {
     # cycle of 55.296 us, +-3 cm.
     "vlp-32c": _preset(_VLP_32C, 578_703, 200.0, 0.8, 0.03),
     # Velodyne HDL-64E S2 and S3 user manual 63-HDL64ES3: 905 nm; a lower block by 1/2 and an upper block by
-    # 1/3 of a degree, 120 m for a reflectivity of 0.8 and 50 m for 0.1, under 2 cm.
+    # 1/3 of a degree, 120 m for a reflectivity of 0.8 and 50 m for 0.1, of which the
+    # latter, 0.576 at 120 m by the square of the range, is what dark cars are seen by; under 2 cm.
     "hdl-64e": _preset(
-        _even(-24.333, 0.5, 32) + _even(-8.333, 1 / 3, 32), 1_333_312, 120.0, 0.8, 0.02
+        _even(-24.333, 0.5, 32) + _even(-8.333, 1 / 3, 32), 1_333_312, 120.0, 0.576, 0.02
     ) | _KITTI,
     # Ouster OS1 datasheet, first generation: 850 nm; 120 m for a target of 80 % (40 m for 10 %), 1024
     # columns, 1.5 to 10 cm by the signal; 64 channels over +-16.611 degrees, 128 over +-22.5 degrees.

@@ -32,7 +32,7 @@ FARTHEST_M = np.float32(1000.0)
 CRACK = np.float32(0.012)
 """Cracks run where the stains pass zero, on this share of either side; on asphalt some 1 % of the surface."""
 
-PAINT_GLOSS, TRIM_GLOSS = 0.4, 0.3
+PAINT_GLOSS, TRIM_GLOSS = 0.5, 0.3
 """Share of the light of a painted body, and of rims, tyres and trim, that is returned only near the normal:
 flakes and clear coat lie parallel to the panel. With it, dark and metallic cars give hardly any return at a
 slant, white ones do. Fitted to the intensities on cars of real clouds, whose median is 0."""
