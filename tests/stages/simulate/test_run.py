@@ -51,7 +51,9 @@ def run_smoke(out: Path, hash_seed: str = "0", *more: str) -> subprocess.Popen[s
 def dense(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive through dense traffic with the full sensor, without noise."""
     out = tmp_path_factory.mktemp("data") / "dense"
+    exact = ("weak_noise_m", "beam_divergence_deg", "ring_elevation_stddev_deg", "ring_range_stddev_m")
     lidar = ["channels=64", "points_per_second=1152000", "noise_stddev=0"]
+    lidar += [f"imperfections.{key}=0" for key in exact]
     simulate(load_scenario("smoke", [*DENSE, *(f"sensors.lidars.lidar.{key}" for key in lidar)]), out)
     return out / "clean"
 
