@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge
-from advpipe.stages.simulate.world.raycast.shapes import upright
+from advpipe.stages.simulate.world.raycast.shapes import limbs, upright
 
 FOOT_M = -0.3
 """Posts and walls reach below the ground, which may slope."""
@@ -27,7 +27,7 @@ def enclosure(kind: str, length_m: float, rng: np.random.Generator) -> Mesh:
         slats = _bars(length_m, height_m, 0.16, 0.09, "fence")
         return merge([slats, _rails(length_m, (0.25, height_m - 0.22), 0.07, "fence")])
     if kind == "boards":
-        return merge([_boards(length_m, height_m, rng), _posts(length_m, height_m, 0.09, "fence")])
+        return _boards(length_m, height_m, rng)
     bars = _bars(length_m, height_m, 0.17, 0.02, "fence_metal") if kind == "railing" else None
     levels = (0.12, height_m - 0.08) if bars else np.linspace(0.08, height_m, 7)
     wires = _rails(length_m, levels, 0.04 if bars else 0.014, "fence_metal")
@@ -46,7 +46,7 @@ def _rails(length_m: float, levels_m: tuple[float, ...] | np.ndarray, high_m: fl
 
 def _boards(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:
     """Boards that overlap: every second one stands back."""
-    edges = np.linspace(-length_m / 2, length_m / 2, max(round(length_m / 0.28), 1) + 1)
+    edges = np.linspace(-length_m / 2, length_m / 2, max(round(length_m / 0.36), 1) + 1)
     top = height_m + rng.normal(0, 0.012, len(edges) - 1)
     sides = np.stack(np.broadcast_arrays(edges[:-1], edges[1:], 0.03, top), axis=1)
     back_m = 0.035 * (np.arange(len(sides)) % 2).astype(np.float64)
@@ -55,9 +55,11 @@ def _boards(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:
 
 def _posts(length_m: float, height_m: float, side_m: float, material: str) -> Mesh:
     count = max(round(length_m / POST_STEP_M), 1) + 1
-    post = box_mesh((side_m, side_m, height_m + 0.1 - FOOT_M), material).moved(0, -0.08, FOOT_M)
-    reach_m = (length_m - side_m) / 2
-    return merge(post.moved(float(x), 0, 0) for x in np.linspace(-reach_m, reach_m, count))
+    reach_m = length_m / 2 - side_m
+    foot = np.zeros((count, 3)) + (0, -0.08, FOOT_M)
+    foot[:, 0] = np.linspace(-reach_m, reach_m, count)
+    top = foot + (0, 0, height_m + 0.1 - FOOT_M)
+    return limbs(foot, top, np.full(count, side_m / 2), material, sides=3, taper=1.0)
 
 
 def _wall(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:

@@ -11,15 +11,16 @@ import itertools
 import numpy as np
 
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, box_mesh, merge, surface, tube
+from advpipe.stages.simulate.world.raycast.shapes import limbs
 
 
 def lamp_post(rng: np.random.Generator) -> Mesh:
     """A tapered post with an arm over the road."""
     height_m, reach_m = rng.uniform(6.0, 10.0), rng.uniform(1.0, 2.2)
+    feet, tops = np.array([[0, 0, -0.3], [0, 0, 1.2]]), np.array([[0, 0, 1.2], [0, 0, height_m]])
     return merge(
         [
-            tube((0, 0, -0.3), (0, 0, 1.2), 0.11, "steel", 6),
-            tube((0, 0, 1.2), (0, 0, height_m), 0.07, "steel", 6),
+            limbs(feet, tops, np.array([0.11, 0.08]), "steel", sides=6, taper=0.8),
             tube((0, 0, height_m), (0, reach_m, height_m + 0.25), 0.04, "steel", 4),
             box_mesh((0.25, 0.6, 0.12), "steel").moved(0, reach_m + 0.2, height_m + 0.18),
         ]

@@ -96,10 +96,14 @@ def tube(
     """A closed cylinder between two points."""
     a, b = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
     axis = (b - a) / np.linalg.norm(b - a)
-    across = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
+    x, y, z = axis
+    across = np.array([y, -x, 0.0] if abs(z) < 0.9 else [0.0, z, -y])
     across /= np.linalg.norm(across)
+    other = np.array(
+        [y * across[2] - z * across[1], z * across[0] - x * across[2], x * across[1] - y * across[0]]
+    )
     angle = 2 * np.pi * np.arange(sides) / sides
-    ring = radius_m * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across))
+    ring = radius_m * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * other)
     vertices = np.concatenate([a + ring, b + ring, [a, b]])
     i, j = np.arange(sides), (np.arange(sides) + 1) % sides
     faces = [

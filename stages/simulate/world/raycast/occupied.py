@@ -16,8 +16,10 @@ WALKWAY_M = (3.05, 5.0)
 
 def footprint(map_SE3_base: Float64, length_m: float, width_m: float) -> shapely.Polygon:
     """A rectangle as seen from above, its length along the pose's x axis."""
-    corners = np.array([[x, y, 0, 1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))], dtype=np.float64)
-    return shapely.Polygon(((corners * (length_m / 2, width_m / 2, 1, 1)) @ map_SE3_base.T)[:, :2])
+    along, across = map_SE3_base[:2, 0] * (length_m / 2), map_SE3_base[:2, 1] * (width_m / 2)
+    middle = map_SE3_base[:2, 3]
+    corners = [middle + a * along + b * across for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    return shapely.Polygon(corners)
 
 
 def walkways(roads: Roads) -> shapely.Geometry:
