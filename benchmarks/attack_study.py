@@ -13,6 +13,9 @@ how much was changed; what attack checks say; the time. It ends after `--seconds
 the conditions may be others. Each process works on one chunk of `--batch` frames at a time, as one batch of
 the detector; all processes share the device.
 
+For the temporal check of attack detection, prepare 30 or more consecutive frames (--slice 100:140), and run
+these with --only clean best/0 stealthy.
+
 DRIVE is a clean bag or a file of `prepare`, which a machine needs no reader of bags for. `report` prints
 tables in Markdown (`attack_study_tables.py`): mAP ratios with paired intervals by a bootstrap over blocks of
 5 s, differences that decide something, ratios under defences, rates of attack detection, spread over seeds.

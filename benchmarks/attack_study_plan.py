@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
+from unittest.mock import patch
 
 from attack_cost import exact
 
+from advpipe.pipeline.adversary import greedy_allocation
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, TABLE_ONE, budget_named
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.scenario.attacks import attack_spec
@@ -26,6 +28,7 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "order": {"keep_occlusion_order": True},
     "detections": {"truth": "detections"},
     "weighted": {"weight": 0.01},
+    "ghost": {"ghost": "car:12:-6"},
 }
 SETTINGS: Mapping[str, Mapping[str, bool]] = {
     "decoys": {"decoys": True, "decoy_gradients": True},
@@ -34,10 +37,10 @@ SETTINGS: Mapping[str, Mapping[str, bool]] = {
 }
 """Of `perturb` alone: what false detections are good for."""
 
-EXACT = "exact"
-"""All of each cloud is shown, and all of its map computed."""
+EXACT, NO_LINE_SEARCH = "exact", "no-line-search"
+"""All of each cloud is shown, and all of its map computed; lost objects keep all of their points."""
 
-VARIANTS = (*STEPS, *PARAMETERS, *SETTINGS, EXACT)
+VARIANTS = (*STEPS, *PARAMETERS, *SETTINGS, EXACT, NO_LINE_SEARCH)
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,15 @@ class Condition:
 
     def setting(self) -> AbstractContextManager[None]:
         """What holds while the attack runs."""
+        if NO_LINE_SEARCH in self.variants:
+            return no_line_search()
         return exact() if EXACT in self.variants else nullcontext()
+
+
+@contextmanager
+def no_line_search() -> Iterator[None]:
+    with patch.object(greedy_allocation, "LINE_SEARCH", 0):
+        yield
 
 
 CLEAN = Condition("clean", "clean", is_defended=True, is_checked=True)
@@ -105,6 +116,7 @@ def plan(seeds: int = 2) -> list[Condition]:
     ) -> list[Condition]:
         return [Condition(budget, recipe, variants, seed, **shown) for budget in budgets]
 
+    choosing = ("detach-1", "attach-0.5", "detach-0.3", "attach-0.1")
     table, perturb, moving = TABLE_ONE, ("perturb-10",), ("perturb-10", "attach-0.5")
     others = [
         *each(table, "hide"),
@@ -118,6 +130,8 @@ def plan(seeds: int = 2) -> list[Condition]:
         *each(FEW, "best"),
         *each(FEW, "random-best"),
         *each(FEW, "best", "twice"),
+        *each(choosing, "best", NO_LINE_SEARCH),
+        *each(("attach-0.5",), "best", "ghost", is_checked=True),
         *each(("perturb-3",), "best", "no-decoys"),
         *each(("perturb-3",), "best", "no-decoys", "twice"),
     ]

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.attack_detection.temporal import temporal_scores
 from advpipe.pipeline.attack_detection.threshold import area_under_roc
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.metrics.average_precision import RankedMatches, mean_average_precision
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
 from advpipe.stages.evaluate.detection.attack_detection import cross_thresholds
@@ -32,6 +34,7 @@ DECIDED: tuple[tuple[str, str, str], ...] = (
     ("hide against its own random-best", "hide", "random-best+hide"),
     ("without decoys", "best+no-decoys", "best"),
     ("without gradients to decoys", "best+no-decoy-gradients", "best"),
+    ("lost objects get points back", "best", "best+no-line-search"),
     ("twice the steps", "best+twice", "best"),
     ("twice the steps, without decoys", "best+no-decoys+twice", "best+no-decoys"),
     ("four times the steps", "best+four", "best+twice"),
@@ -256,22 +259,42 @@ def _defences(study: Study) -> Iterator[str]:
 def _detection(study: Study) -> Iterator[str]:
     yield "### Attack detection: clouds detected and false alarms, in percent, and AUC"
     yield ""
-    clean = {number: row for number, row in study.of(CLEAN).items() if "checks" in row}
-    names = list(next(iter(clean.values()))["checks"]) if clean else []
+    clean = _checked(study, CLEAN)
+    names = list(next(iter(clean.values()))) if clean else []
     yield f"| condition | frames | {' | '.join(names)} |"
     yield "|---" * (len(names) + 2) + "|"
     for label in study.labels:
-        frames = sorted(clean.keys() & {n for n, row in study.of(label).items() if "checks" in row})
-        if not frames:
-            continue
+        judged = _checked(study, label)
         cells = []
         for name in names:
-            quiet = np.array([clean[each]["checks"][name] for each in frames])
+            frames = [each for each in sorted(clean.keys() & judged.keys()) if name in judged[each]]
+            frames = [each for each in frames if np.isfinite(clean[each][name] + judged[each][name])]
+            quiet, loud = (np.array([of[each][name] for each in frames]) for of in (clean, judged))
             limits, _ = cross_thresholds(quiet)
-            loud = np.array([study.of(label)[each]["checks"][name] for each in frames])
-            text = f"{100 * (loud > limits).mean():.0f}"
-            cells.append(text if label == CLEAN else f"{text}, {area_under_roc(quiet, loud):.2f}")
-        yield f"| {label} | {len(frames)} | {' | '.join(cells)} |"
+            text = f"{100 * (loud > limits).mean():.0f}" if frames else ""
+            cells.append(text if label == CLEAN or not text else f"{text}, {area_under_roc(quiet, loud):.2f}")
+        if judged:
+            yield f"| {label} | {len(judged)} | {' | '.join(cells)} |"
+
+
+def _checked(study: Study, label: str) -> dict[int, dict[str, float]]:
+    """The scores of the checks by frame, the temporal one among them where the frames are consecutive."""
+    rows = {number: row for number, row in sorted(study.of(label).items()) if "checks" in row}
+    scores = {number: dict(row["checks"]) for number, row in rows.items()}
+    temporal = temporal_scores(
+        [study.stamps_ns[number] for number in rows], [_detections(row["sure"]) for row in rows.values()]
+    )
+    if np.isfinite(temporal).any():
+        for of_frame, score in zip(scores.values(), temporal.tolist(), strict=True):
+            of_frame["temporal"] = score
+    return scores
+
+
+def _detections(sure: Sequence[Sequence[float]]) -> Detections:
+    """The places, scores and labels that `attack_study_frame` wrote."""
+    columns = np.array(sure, np.float64).reshape(-1, 5)
+    boxes = np.concatenate([columns[:, :3], np.zeros((len(columns), 4))], axis=1)
+    return Detections(boxes, columns[:, 3], columns[:, 4].astype(np.int64))
 
 
 def _seeds(study: Study) -> Iterator[str]:
