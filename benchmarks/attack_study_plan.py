@@ -30,12 +30,13 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "weighted": {"weight": 0.01},
     "ghost": {"ghost": "car:12:-6"},
 }
-SETTINGS: Mapping[str, Mapping[str, bool]] = {
+SETTINGS: Mapping[str, Mapping[str, Any]] = {
     "decoys": {"decoys": True, "decoy_gradients": True},
     "no-decoy-gradients": {"decoys": True, "decoy_gradients": False},
     "no-decoys": {"decoys": False, "decoy_gradients": False},
+    "patience": {"patience": 4},
 }
-"""Of `perturb` alone: what false detections are good for."""
+"""Of `perturb` alone: what false detections are good for, and restarts of single objects."""
 
 EXACT, NO_LINE_SEARCH = "exact", "no-line-search"
 """All of each cloud is shown, and all of its map computed; lost objects keep all of their points."""
@@ -124,6 +125,8 @@ def plan(seeds: int = 2) -> list[Condition]:
         *each(table, "best", "twice"),
         *each(perturb, "best", "no-decoy-gradients"),
         *each(perturb, "best", "no-decoys", "twice"),
+        *each(("perturb-10", "perturb-3"), "best", "patience"),
+        *each(("perturb-10", "perturb-3"), "best", "no-decoys", "patience"),
         *each(table, "robust", is_defended=True),
         *each(table, "stealthy", is_checked=True),
         *each(table, "random-best", "hide"),

@@ -35,6 +35,8 @@ DECIDED: tuple[tuple[str, str, str], ...] = (
     ("without decoys", "best+no-decoys", "best"),
     ("without gradients to decoys", "best+no-decoy-gradients", "best"),
     ("lost objects get points back", "best", "best+no-line-search"),
+    ("restarts by object", "best+patience", "best"),
+    ("restarts by object, without decoys", "best+no-decoys+patience", "best+no-decoys"),
     ("twice the steps", "best+twice", "best"),
     ("twice the steps, without decoys", "best+no-decoys+twice", "best+no-decoys"),
     ("four times the steps", "best+four", "best+twice"),
