@@ -16,9 +16,11 @@ the detector; all processes share the device.
 For the temporal check of attack detection, prepare 30 or more consecutive frames (--slice 100:140), and run
 these with --only clean best/0 stealthy.
 
-DRIVE is a clean bag or a file of `prepare`, which a machine needs no reader of bags for. `report` prints
-tables in Markdown (`attack_study_tables.py`): mAP ratios with paired intervals by a bootstrap over blocks of
+DRIVE is a clean bag or a file of `prepare`, of about a megabyte for each frame. `report` prints tables in Markdown (`attack_study_tables.py`): mAP ratios with paired intervals by a bootstrap over blocks of
 5 s, differences that decide something, ratios under defences, rates of attack detection, spread over seeds.
+
+Beside PyTorch, numpy, scipy and pydantic it imports rosbags (with apsw, lz4, ruamel.yaml, backports.zstd),
+mcap, zstandard, PyYAML and safetensors; with these, PYTHONPATH=typings stands for an installed advpipe.
 """
 
 from __future__ import annotations
@@ -42,6 +44,7 @@ from common import machine
 
 from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
@@ -58,13 +61,18 @@ class Job:
     detector: str
     device: str
     deadline_s: float
+    lidar_height_m: float | None = None
 
 
 def work(job: Job, items: Any, results: Any) -> None:
     """One process: chunks from a queue until it has none or time is over. Sends rows, texts of errors, and
     None at its end."""
     with fixed_torch_threads():
-        study = Study(opened(job.drive, job.frames), load_detector(job.detector, job.device))
+        study = Study(
+            opened(job.drive, job.frames),
+            load_detector(job.detector, job.device),
+            Adaptation(job.lidar_height_m),
+        )
         while time.time() < job.deadline_s:
             item: Item | None = items.get()
             if item is None:
@@ -165,7 +173,8 @@ def run(given: argparse.Namespace) -> None:
         conditions, len(head["stamps_ns"]), given.batch, {(row["condition"], row["frame"]) for row in rows}
     )
     print(f"{head['machine']}; {len(rows)} rows there, {len(todo)} chunks to do", flush=True)
-    job = Job(given.drive, given.frames, given.detector, given.device, start_s + given.seconds)
+    deadline_s = start_s + given.seconds
+    job = Job(given.drive, given.frames, given.detector, given.device, deadline_s, given.lidar_height)
     added, errors = 0, 0
     with given.out.open("a", encoding="utf-8") as file:
         for found in run_all(job, todo, min(given.processes, max(1, len(todo))), given.grace):
@@ -193,6 +202,9 @@ def main() -> None:
     running.add_argument("--out", type=Path, required=True)
     running.add_argument("--detector", default="small")
     running.add_argument("--device", default=CPU)
+    running.add_argument(
+        "--lidar-height", type=float, help="of the drive, where the detector expects another"
+    )
     running.add_argument("--frames", type=int, default=30)
     running.add_argument("--processes", type=int, default=max(1, (os.cpu_count() or 1) - 1))
     running.add_argument("--batch", type=int, default=2)

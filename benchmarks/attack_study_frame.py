@@ -17,12 +17,15 @@ from advpipe.pipeline.attack_detection.registry import parse_attack_checks
 from advpipe.pipeline.bag.frames import Frame
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import parse_defences
+from advpipe.pipeline.detector.adaptation import Adaptation
+from advpipe.pipeline.detector.adapted import detector_for_cloud
 from advpipe.pipeline.detector.batching import run_batched
 from advpipe.pipeline.detector.protocol import BatchDetector, Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.messages.cloud import Cloud
 from advpipe.pipeline.messages.cloud_difference import cloud_difference
 from advpipe.pipeline.metrics.chamfer import chamfer_distance
+from advpipe.stages.attack.lidar.scan_placement import in_scan_order
 from advpipe.stages.evaluate.detection.displacement import Displacement, finite_xyz
 from advpipe.stages.evaluate.detection.point_traces import PointTraces
 from advpipe.stages.evaluate.detection.scoring import CachedDetector, Truth, ground_truth, match
@@ -41,10 +44,12 @@ Row = dict[str, Any]
 
 @dataclass
 class Study:
-    """The frames and the detector of one process."""
+    """The frames and the detector of one process. adaptation: how the detector is shown clouds; it does not
+    level them."""
 
     frames: Sequence[Frame]
     detector: ObjectDetector
+    adaptation: Adaptation = field(default_factory=Adaptation)
     _checks: dict[str, AttackCheck] = field(default_factory=dict)
     _is_learnt: bool = False
 
@@ -71,7 +76,13 @@ class Study:
             for n, row in zip(numbers, found, strict=True)
         ]
 
+    def _placed(self, detector: ObjectDetector) -> ObjectDetector:
+        """The detector, or what stands for it in a batch, as it is shown clouds."""
+        nothing = np.zeros((0, 3), np.float32)
+        return detector_for_cloud(detector, self.adaptation, nothing, self.detector)[0]
+
     def _row(self, condition: Condition, frame: Frame, detector: ObjectDetector) -> Row:
+        detector = self._placed(detector)
         seen = CachedDetector(detector)
         truth = ground_truth(frame, seen.classes, seen.range_m)
         start_s, row = time.time(), {}
@@ -79,6 +90,7 @@ class Study:
         if condition != CLEAN:
             rng = named_generator(condition.seed, "study", condition.budget, frame.index)
             result = condition.build()(frame.cloud, frame.boxes, detector, rng)
+            result = in_scan_order(frame.cloud, result)
             cloud, row = result.cloud, _changes(frame.cloud, result.cloud, detector)
             row["note"] = result.note
         row["attack_s"] = round(time.time() - start_s, 3)
@@ -119,8 +131,9 @@ class Study:
         self._is_learnt = True
         places = np.linspace(0, len(self.frames) - 1, min(CALIBRATION_CLOUDS, len(self.frames)))
         clouds = [self.frames[place].cloud for place in sorted(set(places.round().astype(int).tolist()))]
-        grid = self.detector.voxel_grid if isinstance(self.detector, VoxelDetector) else None
-        seen = CachedDetector(self.detector)
+        detector = self._placed(self.detector)
+        grid = detector.voxel_grid if isinstance(detector, VoxelDetector) else None
+        seen = CachedDetector(detector)
         knowledge = DefenderKnowledge(clouds, grid, lambda cloud: _sure(seen.detect(cloud)))
         for name, make in parse_attack_checks([ALL]).items():
             try:
