@@ -16,8 +16,9 @@ the detector; all processes share the device.
 For the temporal check of attack detection, prepare 30 or more consecutive frames (--slice 100:140), and run
 these with --only clean best/0 stealthy.
 
-DRIVE is a clean bag or a file of `prepare`, of about a megabyte for each frame. `report` prints tables in Markdown (`attack_study_tables.py`): mAP ratios with paired intervals by a bootstrap over blocks of
-5 s, differences that decide something, ratios under defences, rates of attack detection, spread over seeds.
+DRIVE is a clean bag or a file of `prepare`, of about a megabyte for each frame. `report` prints tables in
+Markdown (`attack_study_tables.py`): mAP ratios with paired intervals by a bootstrap over blocks of 5 s,
+differences that decide something, ratios under defences, rates of attack detection, spread over seeds.
 
 Beside PyTorch, numpy, scipy and pydantic it imports rosbags (with apsw, lz4, ruamel.yaml, backports.zstd),
 mcap, zstandard, PyYAML and safetensors; with these, PYTHONPATH=typings stands for an installed advpipe.
