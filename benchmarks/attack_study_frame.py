@@ -106,8 +106,8 @@ class Study:
         row["views"] = views
         if condition.is_checked:
             sure = _sure(found)
-            row["sure"] = np.column_stack(
-                [sure.boxes[:, :3].round(3), sure.scores.round(4), sure.labels]
+            row["found"] = np.column_stack(
+                [found.boxes[:, :3].round(3), found.scores.round(4), found.labels]
             ).tolist()
             row["checks"] = {name: round(check(cloud, sure).score, 6) for name, check in self._checks.items()}
         return row

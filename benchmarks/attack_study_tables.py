@@ -284,7 +284,9 @@ def _checked(study: Study, label: str) -> dict[int, dict[str, float]]:
     rows = {number: row for number, row in sorted(study.of(label).items()) if "checks" in row}
     scores = {number: dict(row["checks"]) for number, row in rows.items()}
     temporal = temporal_scores(
-        [study.stamps_ns[number] for number in rows], [_detections(row["sure"]) for row in rows.values()]
+        [study.stamps_ns[number] for number in rows],
+        [_detections(row["found"]) for row in rows.values()],
+        FOUND_SCORE,
     )
     if np.isfinite(temporal).any():
         for of_frame, score in zip(scores.values(), temporal.tolist(), strict=True):
@@ -292,9 +294,9 @@ def _checked(study: Study, label: str) -> dict[int, dict[str, float]]:
     return scores
 
 
-def _detections(sure: Sequence[Sequence[float]]) -> Detections:
+def _detections(found: Sequence[Sequence[float]]) -> Detections:
     """The places, scores and labels that `attack_study_frame` wrote."""
-    columns = np.array(sure, np.float64).reshape(-1, 5)
+    columns = np.array(found, np.float64).reshape(-1, 5)
     boxes = np.concatenate([columns[:, :3], np.zeros((len(columns), 4))], axis=1)
     return Detections(boxes, columns[:, 3], columns[:, 4].astype(np.int64))
 

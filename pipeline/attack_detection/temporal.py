@@ -33,19 +33,21 @@ MAX_SPEED_MPS = 60.0
 """Of objects relative to the sensor."""
 
 
-def temporal_scores(stamps_ns: npt.ArrayLike, detections: Sequence[Detections]) -> Float64:
+def temporal_scores(stamps_ns: npt.ArrayLike, detections: Sequence[Detections], min_score: float) -> Float64:
     """How inconsistent the detections in each cloud (F,) are with those of the two clouds before it, from 0
     to 1; NaN in the first two of a run of consecutive clouds, and in runs of fewer than `MIN_RUN`.
 
-    stamps_ns: (F,), ascending. Detections weigh as much as their scores: one that is near its predicted place
-    counts its distance over the gate, one that was not predicted, or was predicted and is not there, counts
-    1.
+    stamps_ns: (F,), ascending. Detections of at least `min_score` are judged; fainter ones may explain them,
+    as scores go up and down. Each weighs as much as its score: one that is near its predicted place counts
+    the square of its distance over the gate; one that was not predicted, or was predicted and is not there,
+    counts 1.
     """
     stamps_s = np.asarray(stamps_ns, np.int64) / 1e9
     scores = np.full(len(stamps_s), np.nan)
     for run in consecutive_runs(stamps_s):
         for now in run[2:].tolist():
-            scores[now] = _inconsistency(detections[now - 2 : now + 1], np.diff(stamps_s[now - 2 : now + 1]))
+            steps_s = np.diff(stamps_s[now - 2 : now + 1])
+            scores[now] = _inconsistency(detections[now - 2 : now + 1], steps_s, min_score)
     return scores
 
 
@@ -55,7 +57,7 @@ def consecutive_runs(stamps_s: Float64) -> list[Int64]:
     return [run for run in runs if len(run) >= MIN_RUN]
 
 
-def _inconsistency(three: Sequence[Detections], steps_s: Float64) -> float:
+def _inconsistency(three: Sequence[Detections], steps_s: Float64, min_score: float) -> float:
     """Of the last of three clouds' detections; steps_s: (2,) between the clouds."""
     earlier, before, now = three
     same, first = _mutual_nearest(before, before.boxes[:, :3], earlier, MAX_SPEED_MPS * float(steps_s[0]))
@@ -64,16 +66,15 @@ def _inconsistency(three: Sequence[Detections], steps_s: Float64) -> float:
     predicted[same] += velocity_mps * steps_s[1]
     gate_m = GATE_MPS * float(steps_s[1])
     source, found = _mutual_nearest(before, predicted, now, gate_m)
-    off_m = np.linalg.norm(predicted[source] - now.boxes[found, :3], axis=1)
-    vanished = np.setdiff1d(same, source)  # what was seen once may have been false
-    appeared = np.setdiff1d(np.arange(len(now)), found)
-    weight = now.scores[found].sum() + now.scores[appeared].sum() + before.scores[vanished].sum()
-    wrong = (
-        (now.scores[found] * off_m / gate_m).sum()
-        + now.scores[appeared].sum()
-        + before.scores[vanished].sum()
-    )
-    return float(wrong / weight) if weight else 0.0
+    off = np.linalg.norm(predicted[source] - now.boxes[found, :3], axis=1) / gate_m
+    cost = np.ones(len(now))
+    cost[found] = off**2
+    is_judged = now.scores >= min_score
+    # What was seen once may have been false, and is not missed.
+    vanished = np.setdiff1d(same[before.scores[same] >= min_score], source)
+    lost = before.scores[vanished].sum()
+    weight = now.scores[is_judged].sum() + lost
+    return float(((now.scores * cost)[is_judged].sum() + lost) / weight) if weight else 0.0
 
 
 def _mutual_nearest(

@@ -137,3 +137,27 @@ def test_it_ends_in_time_goes_on_and_reports(
     refused = run(drive, out, "--frames", "3", "--only", "detach-1/best/0")
     assert refused.returncode == 2
     assert "other frames" in refused.stderr
+
+
+def test_consecutive_frames_get_the_temporal_check(study: dict[str, ModuleType]) -> None:
+    """One of two cars is hidden in every second of 34 frames, a tenth of a second apart."""
+    rows = []
+    for key in ("clean/clean/0", "detach-1/best/0"):
+        for number in range(34):
+            found = [[10 + 0.1 * number, 3, -1, 0.9, 0], [20, -5, -1, 0.8, 0]]
+            if key != "clean/clean/0" and number % 2:
+                found.pop()
+            matches = [2, [90_000, 80_000][: len(found)], *["11"[: len(found)]] * 2]
+            rows.append(
+                {
+                    **{"condition": key, "frame": number, "views": {"none": {"car": matches}}},
+                    **{"objective": 0.0, "checks": {"ray": 0.0}, "found": found, "cpu_s": 1, "attack_s": 1},
+                }
+            )
+    head = {"machine": "", "drive": "", "detector_sha256": "", "processes": 1, "batch": 1}
+    lines = list(study["tables"].report(head | {"stamps_ns": [n * 100_000_000 for n in range(34)]}, rows))
+    assert "| condition | frames | ray | temporal |" in lines
+    (line,) = [each for each in lines if each.startswith("| detach-1/best | 34 | 0, 0.50 |")]
+    detected, auc = line.split("|")[4].split(",")
+    assert float(detected) > 40
+    assert float(auc) > 0.7

@@ -47,7 +47,7 @@ class AttackChecks:
         clouds = [scan.cloud for _, scan, _ in read_clouds(clean, spread, lidar_topic=options.lidar_topic)]
         known, _ = detector_for_cloud(detector, options.adaptation, xyz(clouds[0]), detector)
         grid = known.voxel_grid if isinstance(known, VoxelDetector) else None
-        knowledge = DefenderKnowledge(clouds, grid, lambda cloud: sure_detections(scored.detect(cloud)))
+        knowledge = DefenderKnowledge(clouds, grid, lambda cloud: _sure(scored.detect(cloud)))
         checks, not_run = {}, {}
         for name, make in chosen.items():
             try:
@@ -58,7 +58,7 @@ class AttackChecks:
 
     def on_clean(self, cloud: Cloud, detections: Detections) -> dict[str, CheckedCloud]:
         """The checks of a clean cloud with the detections in it."""
-        sure = sure_detections(detections)
+        sure = _sure(detections)
         every = np.ones(len(sure), bool)
         none = np.zeros(0, np.int64)
         return {name: CheckedCloud.of(check(cloud, sure), none, every) for name, check in self.checks.items()}
@@ -67,14 +67,13 @@ class AttackChecks:
         self, cloud: Cloud, change: CloudDifference, detections: Detections, clean: Detections
     ) -> dict[str, CheckedCloud]:
         """The checks of an attacked cloud; clean: the detections in the clean one."""
-        sure, touched = sure_detections(detections), np.concatenate([change.moved, change.added])
+        sure, touched = _sure(detections), np.concatenate([change.moved, change.added])
         new = new_boxes(sure, clean, MIN_SCORE)
         return {
             name: CheckedCloud.of(check(cloud, sure), touched, new) for name, check in self.checks.items()
         }
 
 
-def sure_detections(detections: Detections) -> Detections:
-    """Those with a score of at least `MIN_SCORE`."""
+def _sure(detections: Detections) -> Detections:
     kept = np.flatnonzero(detections.scores >= MIN_SCORE)
     return Detections(detections.boxes[kept], detections.scores[kept], detections.labels[kept])

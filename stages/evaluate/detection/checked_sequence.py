@@ -8,7 +8,7 @@ import numpy as np
 
 from advpipe.pipeline.attack_detection.temporal import temporal_scores
 from advpipe.pipeline.detector.protocol import Detections
-from advpipe.stages.evaluate.detection.attack_checks import sure_detections
+from advpipe.stages.evaluate.detection.attack_checks import MIN_SCORE
 from advpipe.stages.evaluate.detection.checked_cloud import CheckedCloud, CheckedFrame
 from advpipe.stages.evaluate.detection.comparison import FrameResult
 
@@ -22,13 +22,11 @@ def checked_sequence(frames: Sequence[FrameResult]) -> list[CheckedFrame]:
     under attack sees nothing else.
     """
     stamps_ns = [frame.stamp_ns for frame in frames]
-    clean = temporal_scores(stamps_ns, [sure_detections(frame.clean.detections) for frame in frames])
+    clean = temporal_scores(stamps_ns, [frame.clean.detections for frame in frames], MIN_SCORE)
     attacked = temporal_scores(
         stamps_ns,
-        [
-            sure_detections(frame.adversarial.detections) if frame.adversarial else NO_DETECTIONS
-            for frame in frames
-        ],
+        [frame.adversarial.detections if frame.adversarial else NO_DETECTIONS for frame in frames],
+        MIN_SCORE,
     )
     return [
         CheckedFrame(

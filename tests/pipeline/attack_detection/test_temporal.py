@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from advpipe.pipeline.attack_detection.temporal import MIN_RUN, temporal_scores
+from advpipe.pipeline.attack_detection import temporal
+from advpipe.pipeline.attack_detection.temporal import MIN_RUN
 from advpipe.pipeline.detector.protocol import Detections
 
 FRAMES = MIN_RUN + 5
@@ -11,6 +12,10 @@ STAMPS_NS = np.arange(FRAMES) * 100_000_000
 SPEEDS_MPS = np.array([[15.0, 0.0, 0.0], [-12.0, 1.0, 0.0], [0.0, 0.0, 0.0], [3.0, -2.0, 0.0]])
 STARTS_M = np.array([[-30.0, 3.0, -1.0], [40.0, -3.0, -1.0], [10.0, 12.0, -1.0], [5.0, -15.0, -1.0]])
 LABELS = np.array([0, 0, 1, 3])
+
+
+def temporal_scores(stamps_ns, detections):
+    return temporal.temporal_scores(stamps_ns, detections, min_score=0.3)
 
 
 def driving(number):
@@ -29,8 +34,7 @@ def only(found, kept):
 def test_objects_that_drive_on_are_consistent():
     scores = temporal_scores(STAMPS_NS, [driving(number) for number in range(FRAMES)])
     assert np.isnan(scores[:2]).all()
-    assert (scores[2:] < 0.35).all()
-    assert np.median(scores[2:]) < 0.15
+    assert (scores[2:] < 0.05).all()
 
 
 @pytest.mark.parametrize("what", ["vanishes", "appears", "jumps"])
@@ -47,6 +51,21 @@ def test_what_is_not_predicted_stands_out(what):
     loud = temporal_scores(STAMPS_NS, found)
     assert loud[20] > np.nanmax(quiet) + 0.05
     np.testing.assert_array_equal(loud[:20], quiet[:20])
+
+
+def test_a_score_that_goes_below_the_least_one_is_no_object_that_vanishes():
+    found = [driving(number) for number in range(FRAMES)]
+    quiet = temporal_scores(STAMPS_NS, found)
+    found[20].scores[2] = 0.29
+    assert np.nanmax(temporal_scores(STAMPS_NS, found)) < np.nanmax(quiet) + 0.02
+
+
+def test_a_faint_detection_is_not_judged():
+    found = [driving(number) for number in range(FRAMES)]
+    quiet = temporal_scores(STAMPS_NS, found)
+    boxes = np.concatenate([found[20].boxes, [[60.0, 40.0, -1.0, 0, 0, 0, 0]]])
+    found[20] = Detections(boxes, np.append(found[20].scores, 0.2), np.append(LABELS, 0))
+    np.testing.assert_array_equal(temporal_scores(STAMPS_NS, found), quiet)
 
 
 def test_an_object_of_another_class_is_no_prediction():
