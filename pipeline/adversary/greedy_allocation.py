@@ -2,11 +2,13 @@
 
 Objects hardly affect each other, so one pass of the detector evaluates all of them at once. In each round
 every object that is still found loses (or gets) a few more points, and the detector shows the effect of this
-level. Then the budget is spent on the levels with the highest total objective.
+level; an object that is lost gets back a part of its last step, so that the budget lasts for others. Then the
+budget is spent on the levels with the highest total objective.
 """
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -25,6 +27,10 @@ GROWTH_POWER = 1.5
 
 MAX_REVISIONS = 3
 """How often a combination of levels is evaluated and the values that did not hold are corrected."""
+
+
+LINE_SEARCH = 3
+"""How often a lost object tries fewer items, each time half-way between too few and enough."""
 
 
 class AllocationProblem(Protocol):
@@ -97,39 +103,74 @@ def greedy_allocation(problem: AllocationProblem, budget: int, tries: int) -> tu
         wanted = np.where(problem.is_satisfied(values), 0, np.maximum(goals - taken, 0))
         if is_solved:
             wanted = depth if round_ == 1 else np.zeros_like(depth)
-        if not wanted.any():
+        searching = [object_.halve() for object_ in objects]
+        if not (wanted.any() or any(searching)):
             continue
         try:
-            proposals = problem.propose(_all_items(objects), wanted, depth - taken)
+            if not _extend(problem, objects, wanted, depth - taken) and not any(searching):
+                break
         except NoGradientError:
             if not any(object_.items for object_ in objects):
                 raise
             break  # keep what was found so far
-        if not any(map(len, proposals)):
-            break
-        for object_, items in zip(objects, proposals, strict=True):
-            object_.items.extend(items.tolist())
-        seen = problem.look(_all_items(objects), will_propose=round_ < rounds)
-        values = np.where(problem.focus.is_open, seen, values)
-        problem.focus.close(problem.is_satisfied(values))
-        for object_, value in zip(objects, values, strict=True):
-            object_.end_round(value)
+        seen = problem.look(_tried_items(objects), will_propose=round_ < rounds)
+        values = _end_round(problem, objects, values, seen)
     chosen = best_together(problem, objects, budget, revisions)
     return chosen, np.setdiff1d(_all_items(objects), chosen, assume_unique=True)
 
 
 class ObjectCosts:
-    """The items of one object, in order, and its cost and objective at each level."""
+    """The items of one object, in order, and its cost and objective at each level, from few items to many.
+
+    tried: how many of the items the next look shows.
+    """
 
     def __init__(self, value: float) -> None:
         self.items: list[int] = []
         self.cost, self.values = [0], [float(value)]
+        self.tried = 0
+        self._bounds, self._halvings = (0, 0), 0
 
-    def end_round(self, value: float) -> None:
-        """Add a level if the object took new items; otherwise only its neighbours' items affected it."""
-        if len(self.items) > self.cost[-1]:
-            self.cost.append(len(self.items))
-            self.values.append(float(value))
+    def extend(self, items: list[int]) -> None:
+        """Take these, too."""
+        if items:
+            self.items += items
+            self.tried = len(self.items)
+
+    def start_line_search(self) -> None:
+        """All items are enough, and those of the level before were too few: try what lies between."""
+        self._bounds, self._halvings = (
+            (self.cost[-2] if len(self.cost) > 1 else 0, len(self.items)),
+            LINE_SEARCH,
+        )
+
+    def halve(self) -> bool:
+        """Try half-way between too few and enough items next. Returns whether there is something to try."""
+        few, enough = self._bounds
+        if self.is_searching:
+            self.tried = (few + enough) // 2
+        return self.is_searching
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether it is lost, and tries fewer items."""
+        few, enough = self._bounds
+        return self._halvings > 0 and enough - few > 1
+
+    def end_round(self, value: float, *, is_satisfied: bool) -> None:
+        """Add a level if the object tried another number of items; otherwise only its neighbours' items
+        affected it."""
+        was_searching = self.is_searching
+        if was_searching:
+            few, enough = self._bounds
+            self._bounds = (few, self.tried) if is_satisfied else (self.tried, enough)
+            self._halvings -= 1
+        if self.tried not in self.cost:
+            place = bisect(self.cost, self.tried)
+            self.cost.insert(place, self.tried)
+            self.values.insert(place, float(value))
+        if was_searching and not self.is_searching:
+            self.tried = self._bounds[1]
 
     def up_to(self, level: int) -> list[int]:
         """The items that bring the object to a level."""
@@ -179,5 +220,36 @@ def best_together(
     return best
 
 
-def _all_items(objects: list[ObjectCosts]) -> Int64:
+def _extend(problem: AllocationProblem, objects: Sequence[ObjectCosts], wanted: Int64, room: Int64) -> bool:
+    """Give objects their next items. Returns whether there were any. Raises NoGradientError."""
+    if not wanted.any():
+        return False
+    proposals = problem.propose(_all_items(objects), wanted, room)
+    for object_, items in zip(objects, proposals, strict=True):
+        object_.extend(items.tolist())
+    return any(map(len, proposals))
+
+
+def _end_round(
+    problem: AllocationProblem, objects: Sequence[ObjectCosts], values: Float64, seen: Float64
+) -> Float64:
+    """The objective (M,) after a look that showed these values: of a lost object that of all its items."""
+    lost, was_lost = problem.is_satisfied(seen), problem.is_satisfied(values)
+    known = values.copy()
+    for number in np.flatnonzero(problem.focus.is_open).tolist():
+        object_, was_searching = objects[number], objects[number].is_searching
+        object_.end_round(float(seen[number]), is_satisfied=bool(lost[number]))
+        if not was_searching:
+            known[number] = seen[number]
+            if lost[number] and not was_lost[number]:
+                object_.start_line_search()
+    problem.focus.close(np.array([not each.is_searching for each in objects]) & problem.is_satisfied(known))
+    return known
+
+
+def _tried_items(objects: Sequence[ObjectCosts]) -> Int64:
+    return np.array([item for object_ in objects for item in object_.items[: object_.tried]], np.int64)
+
+
+def _all_items(objects: Sequence[ObjectCosts]) -> Int64:
     return np.array([item for object_ in objects for item in object_.items], np.int64)

@@ -8,4 +8,7 @@ POINT_CHECKS = ("ray", "voxel-face", "density", "occlusion-order")
 BOX_CHECKS = ("carlo", "shadow-catcher")
 """Published ones, which judge detected boxes."""
 
+SEQUENCE_CHECKS = ("temporal",)
+"""Those that judge the detections in consecutive clouds."""
+
 ALL, NONE = "all", "none"

@@ -9,7 +9,7 @@ import numpy as np
 from advpipe.pipeline.attack_detection.base import AttackCheck, DefenderKnowledge, Suspicion
 from advpipe.pipeline.attack_detection.carlo import CarloCheck
 from advpipe.pipeline.attack_detection.density import DensityCheck
-from advpipe.pipeline.attack_detection.names import ALL, NONE
+from advpipe.pipeline.attack_detection.names import ALL, NONE, SEQUENCE_CHECKS
 from advpipe.pipeline.attack_detection.occlusion_order import OcclusionOrderCheck
 from advpipe.pipeline.attack_detection.ray import RayCheck
 from advpipe.pipeline.attack_detection.shadow_catcher import ShadowCatcherCheck
@@ -34,27 +34,36 @@ ATTACK_CHECKS: Mapping[str, MakeCheck] = {
 
 
 def parse_attack_checks(names: Sequence[str]) -> dict[str, MakeCheck]:
-    """The checks by their names; `all` are those of advpipe, `none` (alone) is no check.
+    """The checks of single clouds by their names; `all` are those of advpipe, `none` (alone) is no check.
 
-    Raises UsageError for an unknown name, a class that cannot be loaded, and a check that is given twice.
+    Those of `chosen_sequence_checks` may be among the names. Raises UsageError for an unknown name, a class
+    that cannot be loaded, and a check that is given twice.
     """
     if NONE in names:
         if len(names) > 1:
             raise UsageError(f"attack check {NONE} stands alone; leave out the others")
         return {}
-    found: dict[str, MakeCheck] = {}
-    for name in names:
-        for one in ATTACK_CHECKS if name == ALL else (name,):
-            if one in found:
-                raise UsageError(f"attack check {one} is given twice")
-            found[one] = ATTACK_CHECKS[one] if one in ATTACK_CHECKS else _own(one)
-    return found
+    every = [
+        one for name in names for one in ((*ATTACK_CHECKS, *SEQUENCE_CHECKS) if name == ALL else (name,))
+    ]
+    if twice := [one for one in every if every.count(one) > 1]:
+        raise UsageError(f"attack check {twice[0]} is given twice")
+    return {
+        one: ATTACK_CHECKS[one] if one in ATTACK_CHECKS else _own(one)
+        for one in every
+        if one not in SEQUENCE_CHECKS
+    }
+
+
+def chosen_sequence_checks(names: Sequence[str]) -> tuple[str, ...]:
+    """The checks of consecutive clouds among the names."""
+    return tuple(one for one in SEQUENCE_CHECKS if one in names or ALL in names)
 
 
 def _own(name: str) -> MakeCheck:
     """The class of a user's check, whose mistakes become one-line errors."""
     if ":" not in name:
-        known = known_names(name, [*ATTACK_CHECKS, ALL, NONE])
+        known = known_names(name, [*ATTACK_CHECKS, *SEQUENCE_CHECKS, ALL, NONE])
         raise UsageError(f"unknown attack check {name!r}; {known} (or your own module:Class)")
     own_class: MakeCheck = import_object(name, f"attack check {name} cannot be loaded")
     if not callable(own_class):

@@ -55,7 +55,9 @@ def attack_check_names(incomplete: str) -> list[str]:
     """The checks that tell attacked clouds from clean ones."""
     from advpipe.pipeline.attack_detection import names
 
-    return _beginning((*names.POINT_CHECKS, *names.BOX_CHECKS, names.ALL, names.NONE), incomplete)
+    return _beginning(
+        (*names.POINT_CHECKS, *names.BOX_CHECKS, *names.SEQUENCE_CHECKS, names.ALL, names.NONE), incomplete
+    )
 
 
 def recipe_names(context: typer.Context, incomplete: str) -> list[str]:

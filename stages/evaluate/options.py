@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS
+from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS, SEQUENCE_CHECKS
 from advpipe.pipeline.core import options
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
@@ -51,7 +51,8 @@ class Options:
     detect_attacks: tuple[str, ...] = option(
         POINT_CHECKS,
         "Check that tries to tell attacked clouds from clean ones: "
-        f"{', '.join((*POINT_CHECKS, *BOX_CHECKS))}, your own module:Class, all, or none. Repeatable.",
+        f"{', '.join((*POINT_CHECKS, *BOX_CHECKS, *SEQUENCE_CHECKS))}, your own module:Class, all, or "
+        "none. Repeatable.",
     )
     misbehaviour_detectors: tuple[str, ...] = option(
         (),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from advpipe.pipeline.attack_detection.registry import parse_attack_checks
+from advpipe.pipeline.attack_detection.registry import chosen_sequence_checks, parse_attack_checks
 from advpipe.pipeline.bag.frames import FrameSlice, find_lidar_topic, read_frames
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
@@ -110,7 +110,10 @@ def results_origin(
         seed=options.seed,
         baseline_tries=options.baseline_tries if options.baseline else 0,
         defences=tuple(parse_defences(options.defences)),
-        attack_checks=tuple(parse_attack_checks(options.detect_attacks)),
+        attack_checks=(
+            *parse_attack_checks(options.detect_attacks),
+            *chosen_sequence_checks(options.detect_attacks),
+        ),
         device=device_record(options.device).get("device"),
         adaptation=None if adaptation.is_none else AdaptationRecord(**vars(adaptation)),
     )

@@ -46,7 +46,8 @@ class CrossingSettings:
     evaluate the candidates and keep the best points of each object. decoys: raise the scores of false
     detections of the clean cloud. decoy_gradients: take every other gradient for a ground truth of the decoys
     alone, if any: the focal loss is flat for confident detections and steep for false ones. spread: on rays,
-    points land anywhere in a voxel instead of behind its face.
+    points land anywhere in a voxel instead of behind its face. patience: after so many rounds without
+    progress, the points of an object go on from its best; 0 for never.
     """
 
     margin_m: float = MOVE_MARGIN_M
@@ -60,6 +61,7 @@ class CrossingSettings:
     decoys: bool = True
     decoy_gradients: bool = True
     spread: bool = False
+    patience: int = 0
 
 
 class CrossingSearch:
@@ -107,6 +109,7 @@ class CrossingSearch:
         self.probe_option = by_length[first]
         self.choice = self.options.home.copy()
         self.kept = self.choice.copy()
+        self.rounds_without = np.zeros(len(focus.is_open), np.int64)
 
     def candidates(self, rounds: int) -> Iterator[Candidate]:
         """The points (N, 4) of each gradient, the clean ones first, and those after each cycle: so many
@@ -124,15 +127,26 @@ class CrossingSearch:
             count = self.fixed_count + standing  # points in each voxel
             toward_decoys = settings.decoy_gradients and self.goal.sign > 0 and number % 2 == 1
             yield self._evaluated(count, toward_decoys)
+            if settings.patience:
+                count = self.fixed_count + np.bincount(
+                    self.options.cell[self.choice], minlength=len(self.gain)
+                )
             first, last = settings.first_probability, settings.last_probability
             probability = first + (last - first) * phase / max(1, cycle - 1)
             self.choice = self._cross(self.choice, count, probability)
         yield Candidate(self.placed(self.choice))
 
     def accept(self, better: Bool) -> None:
-        """Start the next cycle from the best choice of each point."""
+        """Start the next cycle from the best choice of each point; of an object without progress, the next
+        round."""
         better = better[self.movable]
         self.kept[better] = self.choice[better]
+        if self.settings.patience:
+            self.rounds_without += 1
+            self.rounds_without[self.owner[better]] = 0
+            waits = self.rounds_without >= self.settings.patience
+            self.rounds_without[waits] = 0
+            self.choice[waits[self.owner]] = self.kept[waits[self.owner]]
         done = ~self.focus.is_open[self.owner]
         self.choice[done] = self.kept[done]
 

@@ -12,6 +12,7 @@ from advpipe.pipeline.attack_detection.threshold import area_under_roc, calibrat
 from advpipe.pipeline.results.records import AttackDetectionRecord
 from advpipe.pipeline.results.row import ResultRow
 from advpipe.stages.evaluate.detection.checked_cloud import CheckedCloud, CheckedFrame
+from advpipe.stages.evaluate.detection.checked_sequence import checked_sequence
 from advpipe.stages.evaluate.detection.scored import Scored
 
 Float64 = npt.NDArray[np.float64]
@@ -28,6 +29,9 @@ def attack_detection_records(scored: Scored, result: ResultRow) -> Iterator[Atta
         return
     for check in frames[0].attack_checks:
         yield _record(check, [frame.attack_checks[check] for frame in frames], result)
+    for check in scored.comparison.sequence_checks:
+        if judged := checked_sequence(frames):
+            yield _record(check, judged, result)
 
 
 def _record(check: str, frames: Sequence[CheckedFrame], result: ResultRow) -> AttackDetectionRecord:

@@ -65,6 +65,16 @@ class FrameResult:
     attack_checks: Mapping[str, CheckedFrame] = field(default_factory=dict)
     checks_not_run: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def is_attacked(self) -> bool:
+        """Whether points of the cloud were removed, added or moved, or got another intensity."""
+        cloud = self.adversarial
+        if cloud is None:
+            return False
+        return bool(
+            cloud.points_removed or cloud.points_added or cloud.points_moved or cloud.intensities_changed
+        )
+
     def clouds(self) -> dict[str, CloudResult]:
         """The clouds that the detector sees as they are, by condition, as reports name it."""
         given = {"clean": self.clean}
@@ -88,7 +98,7 @@ class Comparison:
 
     detector: its name in reports. classes: those that it finds. baseline_tries: of how many random tries the
     best is among the baselines; 0 without baselines. defences: their names; the clouds were also scored under
-    each.
+    each. sequence_checks: the attack checks of consecutive clouds that were asked for.
     """
 
     bag: Path | None
@@ -99,6 +109,7 @@ class Comparison:
     classes: tuple[str, ...] = ()
     defences: tuple[str, ...] = ()
     baseline_tries: int = 0
+    sequence_checks: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.attack_detection.registry import chosen_sequence_checks
 from advpipe.pipeline.bag.frames import ALL_FRAMES, Frame, FrameSlice, count_frames, find_lidar_topic
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
@@ -88,6 +89,7 @@ class DetectionRun:
                 classes=known_classes(detector),
                 defences=tuple(parse_defences(self.options.defences)),
                 baseline_tries=self._baseline_tries(provenance),
+                sequence_checks=chosen_sequence_checks(self.options.detect_attacks),
             )
             comparisons.append(comparison)
         return comparisons

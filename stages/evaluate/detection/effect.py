@@ -32,7 +32,7 @@ def effect_records(
     for condition in conditions:
         of = scored.by_condition[condition], scored.by_condition["clean"]
         yield _record(scored, result, condition, ALL, frames, of)
-    attacked = [frame for frame in frames if _is_attacked(frame)]
+    attacked = [frame for frame in frames if frame.is_attacked]
     if not 0 < len(attacked) < len(frames):
         return
     bootstrap = bootstrap_of(attacked)
@@ -42,14 +42,6 @@ def effect_records(
     }
     for condition in conditions:
         yield _record(scored, result, condition, ATTACKED, attacked, (matches[condition], matches["clean"]))
-
-
-def _is_attacked(frame: FrameResult) -> bool:
-    """Whether points of the cloud were removed, added or moved, or got another intensity."""
-    cloud = frame.adversarial
-    if cloud is None:
-        return False
-    return bool(cloud.points_removed or cloud.points_added or cloud.points_moved or cloud.intensities_changed)
 
 
 def _record(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from advpipe.pipeline.attack_detection.temporal import MAX_GAP_S, MIN_RUN
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.results.records import AttackDetectionRecord
 from advpipe.stages.evaluate.detection.attack_checks import CALIBRATION_CLOUDS, MIN_SCORE
@@ -55,7 +56,8 @@ SHORT_HEADS = ("check", "detected %", "false alarms %", "AUC", "points flagged %
 def attack_detection_sections(summaries: Mapping[str, Summary]) -> Iterator[ReportSection]:
     """One section on the attacks, by their titles; none where no check ran."""
     records = [(title, each) for title, summary in summaries.items() for each in summary.attack_detection]
-    if not records:
+    notes = tuple(_notes(summaries, [each for _, each in records]))
+    if not (records or notes):
         return
     yield ReportSection(
         "attack_detection",
@@ -64,9 +66,9 @@ def attack_detection_sections(summaries: Mapping[str, Summary]) -> Iterator[Repo
         f"The checks learn the sensor from {CALIBRATION_CLOUDS} clean clouds; no attack but the recipe "
         "stealthy takes them into account. A high rate of detection says that the attack is no threat to a "
         "vehicle that runs the check, and nothing of one that does not.",
-        (Table("Each attack under each check", HEADS, tuple(_lines(records))),),
+        (Table("Each attack under each check", HEADS, tuple(_lines(records))),) if records else (),
         records=tuple(each for _, each in records),
-        notes=tuple(_notes(summaries, [each for _, each in records])),
+        notes=notes,
         formulas=FORMULAS,
         terminal=(
             Table(
@@ -77,7 +79,9 @@ def attack_detection_sections(summaries: Mapping[str, Summary]) -> Iterator[Repo
                     for title, each in records
                 ),
             ),
-        ),
+        )
+        if records
+        else (),
     )
 
 
@@ -102,8 +106,10 @@ def _cells(each: AttackDetectionRecord) -> tuple[str, ...]:
 
 def _notes(summaries: Mapping[str, Summary], records: list[AttackDetectionRecord]) -> Iterator[str]:
     """How many clouds the thresholds were calibrated on, and which checks did not run."""
-    fewest = min(records, key=lambda each: each.calibration_frames)
-    if not fewest.calibration_frames:
+    fewest = min(records, key=lambda each: each.calibration_frames, default=None)
+    if fewest is None:
+        pass
+    elif not fewest.calibration_frames:
         yield "No threshold: it takes two clean clouds at least."
     else:
         yield (
@@ -116,6 +122,14 @@ def _notes(summaries: Mapping[str, Summary], records: list[AttackDetectionRecord
         for summary in summaries.values()
         for frame in summary.comparison.frames[:1]
         for name, why in frame.checks_not_run.items()
+    }
+    ran = {each.check for each in records}
+    not_run |= {
+        name: f"it takes {MIN_RUN} consecutive attacked clouds, at most {MAX_GAP_S:g} s apart, such as of "
+        "`--frames 100:140`"
+        for summary in summaries.values()
+        for name in summary.comparison.sequence_checks
+        if name not in ran
     }
     for name, why in not_run.items():
         yield f"Check {name} did not run: {why}."

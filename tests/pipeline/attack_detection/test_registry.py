@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from rotating import NOTHING, knowledge, turn
 
-from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS
-from advpipe.pipeline.attack_detection.registry import ATTACK_CHECKS, parse_attack_checks
+from advpipe.pipeline.attack_detection.names import BOX_CHECKS, POINT_CHECKS, SEQUENCE_CHECKS
+from advpipe.pipeline.attack_detection.registry import (
+    ATTACK_CHECKS,
+    chosen_sequence_checks,
+    parse_attack_checks,
+)
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 
 
@@ -14,6 +18,9 @@ def test_names():
     assert list(parse_attack_checks(["ray", "density"])) == ["ray", "density"]
     assert list(parse_attack_checks(["all"])) == list(ATTACK_CHECKS)
     assert parse_attack_checks(["none"]) == {}
+    assert list(parse_attack_checks(["temporal", "ray"])) == ["ray"]
+    assert chosen_sequence_checks(["ray", "temporal"]) == chosen_sequence_checks(["all"]) == SEQUENCE_CHECKS
+    assert chosen_sequence_checks(["ray"]) == ()
 
 
 @pytest.mark.parametrize(
@@ -21,6 +28,7 @@ def test_names():
     [
         (["rays"], "unknown attack check 'rays'.*ray"),
         (["ray", "ray"], "given twice"),
+        (["all", "temporal"], "temporal is given twice"),
         (["none", "ray"], "stands alone"),
         (["nowhere:Class"], "cannot be loaded"),
     ],

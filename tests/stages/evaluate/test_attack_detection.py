@@ -125,3 +125,13 @@ def test_report_and_schema(report_of, capsys):
 def test_without_checks_there_is_no_section(attacked, clean, tmp_path):
     evaluate(clean, [attacked(move_first_car)], tmp_path / "report", detect_attacks=("none",))
     assert "attack_detection" not in document(tmp_path / "report")
+
+
+def test_a_drive_without_a_run_of_consecutive_clouds_is_told_how_to_get_one(attacked_once, clean, tmp_path):
+    bag = attacked_once(move_first_car, "moved", parameters=json.dumps({"eps_cm": 600}), attack="perturb")
+    evaluate(clean, [bag], tmp_path / "report", detect_attacks=("temporal",))
+    found = document(tmp_path / "report")
+    assert "attack_detection" not in found
+    assert found["provenance"]["attack_checks"] == ["temporal"]
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "Check temporal did not run: it takes 30 consecutive attacked clouds" in page
