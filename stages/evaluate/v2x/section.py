@@ -243,7 +243,7 @@ def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list
         figures.append(("", "v2x-roc.png", caption, draw_roc(scored)))
     for drive in attacked:
         listener = drive.most_affected_listener
-        if listener is None or not drive.moments[listener]:
+        if listener is None or not drive.moments[listener] or not drive.detection.parts:
             continue
         before, during = drive.maps_around_attack(listener)
         title = f"{drive.name}: Local Dynamic Map of {listener}"
