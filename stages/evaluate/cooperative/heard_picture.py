@@ -31,7 +31,7 @@ def draw_heard(scene: HeardScene, attacked: Bool) -> Figure:
     plain_axes(axes)
     points_m = transform_points(invert(scene.lidar_SE3_map), scene.cloud_m)[:, :2] - scene.at_m
     near_m = points_m[np.abs(points_m).max(axis=1, initial=0) < NEAR_M]
-    axes.scatter(*near_m.T, s=0.4, color=LINE, linewidths=0, rasterized=True, zorder=1)
+    axes.scatter(near_m[:, 0], near_m[:, 1], s=0.4, color=LINE, linewidths=0, rasterized=True, zorder=1)
     heard = np.array(
         [
             [*at_m, *(_size_m(value) for value in (one.length_m, one.width_m)), one.yaw_rad]
@@ -40,8 +40,9 @@ def draw_heard(scene: HeardScene, attacked: Bool) -> Figure:
     ).reshape(-1, 5)
     for label, chosen, colour in (("honest", ~attacked, BASELINE), ("false", attacked, PREDICTION)):
         boxes = _corners_m(heard[chosen], scene.at_m)
-        style = {"facecolor": colour, "edgecolor": colour, "alpha": 0.75, "zorder": 3}
-        axes.add_collection(PolyCollection(boxes, label=f"{label} object in CPMs", **style))
+        name = f"{label} object in CPMs"
+        drawn = PolyCollection(boxes, label=name, facecolor=colour, edgecolor=colour, alpha=0.75, zorder=3)
+        axes.add_collection(drawn)
     users = _corners_m(scene.users[:, [0, 1, 3, 4, 6]], scene.at_m)
     axes.add_collection(PolyCollection(users, label="road user", facecolor="none", edgecolor=TRUTH, zorder=4))
     axes.plot(0, 0, "^", color=INK, markersize=8, label="the vehicle itself", zorder=5)

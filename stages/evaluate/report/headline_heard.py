@@ -44,7 +44,7 @@ def cpm_headline(
 ) -> Headline:
     """Of the attack that adds most false objects and hides most road users."""
     before = {each.vehicle: each for each in clean}
-    worst = max(records, key=lambda each: _harm(each, before.get(each.vehicle, each)))
+    worst = max(records, key=lambda each: _harm(each, before.get(each.vehicle)))
     was = before.get(worst.vehicle)
     false, false_before = worst.heard_false, was.heard_false if was else math.nan
     known, known_before = worst.known_with_cpms, was.known_with_cpms if was else math.nan
@@ -167,7 +167,9 @@ def _unheard(drives: Sequence[V2xRecord], security: Sequence[SecurityRecord]) ->
     )
 
 
-def _harm(record: CollectivePerceptionRecord, clean: CollectivePerceptionRecord) -> float:
+def _harm(record: CollectivePerceptionRecord, clean: CollectivePerceptionRecord | None) -> float:
+    if clean is None:
+        return record.heard_false
     changes = record.heard_false - clean.heard_false, clean.known_with_cpms - record.known_with_cpms
     return sum(change for change in changes if not math.isnan(change))
 
