@@ -22,7 +22,9 @@ class AttackOptions:
         "best, hide, robust, stealthy, transfer or paper (as published); random baselines: random, "
         "random-near, random-best (the strongest).",
     )
-    victim: str | None = option(None, "Vehicle whose GPS or LiDAR is attacked, or that false CAMs target.")
+    victim: str | None = option(
+        None, "Vehicle whose GPS or LiDAR is attacked, or that false messages target."
+    )
     dcc_reacts: bool = option(
         False,
         "When a V2X attack loads the channel, the congestion control of the other stations drops CAMs; "

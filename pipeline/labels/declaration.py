@@ -65,12 +65,14 @@ class Declaration(Terms):
     """An attack with its parameters.
 
     parts: of a mix, what each attacker draws one of, in the order of the draw. quantities: of an attack on
-    clouds, those of its bounds that are its own: how to measure them.
+    clouds, those of its bounds that are its own: how to measure them. message_types: of an attack on
+    messages, the types that it changes, such as `cpm` (`message_type.MESSAGE_TYPES`).
     """
 
     family: Family
     quantities: Annotated[tuple[CloudQuantity, ...], Field(max_length=_MOST_BOUNDS)] = ()
     parts: Annotated[tuple[DeclaredPart, ...], Field(max_length=MOST_PARTS)] = ()
+    message_types: Annotated[tuple[ShortText, ...], Field(max_length=_MOST_BOUNDS)] = ("cam",)
 
     def part(self, name: str) -> DeclaredPart | None:
         """The part of this name; None if there is none."""

@@ -17,7 +17,7 @@ class CooperativeRecord(Listed):
         str,
         "`alone`, `true poses`, `clean poses` (of the clean bag) or an adversarial bag",
     ]
-    fusion: Annotated[str, "`clouds` or `detections`; empty for the vehicle alone"]
+    fusion: Annotated[str, "`clouds`, `detections` or `CPMs`; empty for the vehicle alone"]
     label: Annotated[str, "object class"]
     frames: Annotated[int, "number of fused frames"]
     objects: Annotated[int, "number of objects to find"]

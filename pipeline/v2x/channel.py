@@ -190,6 +190,7 @@ class Channel:
         completed = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
         for number in completed.union(before) - waiting:
             del self._on_air[number]
+        self._tally.reject(one.rejection.value for one in rejected)
         return received, tuple(rejected)
 
     def _delivered(

@@ -253,14 +253,15 @@ class SecurityRules(Section):
     unpermitted_share: Probability = Field(
         0.0, description="share of the others whose tickets do not permit CAMs"
     )
+    truncated_share: Probability = Field(0.0, description="share of the packets that are cut off when sent")
     expired_authority: Switch = Field(
         False, description="the certificates of the authority and the root have expired"
     )
 
     @model_serializer(mode="wrap")
     def _without_unused(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        unused = {"expired_share": 0.0, "unpermitted_share": 0.0, "expired_authority": False}
-        return _recorded(self, handler(self), **unused)
+        shares = dict.fromkeys(("expired_share", "unpermitted_share", "truncated_share"), 0.0)
+        return _recorded(self, handler(self), **shares, expired_authority=False)
 
 
 class V2x(Section):

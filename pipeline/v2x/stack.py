@@ -100,18 +100,25 @@ class PacketBuilder:
         else:
             content = broadcast_content(vector, btp, kind.traffic_class)
         if self._pki is None or not is_signed:
-            return geonetworking_packet(content)
+            return self._sent(geonetworking_packet(content), station_id, now_ns)
         local_ns = now_ns + self._clock_error_ns(station_id)
         location = _LOCATION.pack(vector.latitude, vector.longitude, _SEA_LEVEL) if kind is DENM else b""
-        return geonetworking_packet(
-            self._signer(self._pki, station_id).sign(content, local_ns, kind.psid, location), is_secured=True
-        )
+        signed = self._signer(self._pki, station_id).sign(content, local_ns, kind.psid, location)
+        return self._sent(geonetworking_packet(signed, is_secured=True), station_id, now_ns)
 
     def note(self, station_id: int, payload: bytes) -> None:
         """Note what a radio sends without an attack: the newest CAM, and the pseudonym that it uses now."""
         self._pseudonyms[station_id] = claimed_station_id(payload) or station_id
         if is_cam(payload):
             self._newest_cams[station_id] = payload
+
+    def _sent(self, packet: bytes, station_id: int, now_ns: int) -> bytes:
+        """The packet, or what a faulty radio sends of it."""
+        share = self._rules.truncated_share
+        if not share:
+            return packet
+        rng = named_generator(self._seed, "v2x", "truncated", station_id, now_ns)
+        return packet[: int(rng.integers(1, len(packet)))] if rng.random() < share else packet
 
     def _signer(self, pki: Pki, station_id: int) -> EnvelopeSigner:
         """The signer of a radio, with the ticket of its present pseudonym."""

@@ -52,7 +52,8 @@ class Statistics:
     stations, cams: sending stations, and CAMs sent. rates_hz: of each station that sent twice or more,
     ascending. intervals: CAMs by the time since the station's last one, per `INTERVAL_BIN_S`; the last
     bin holds all longer ones. dropped: never sent. busy_ns, busy_mean, busy_max: ends of windows, channel
-    busy ratio over stations. others: messages handed to radios that are no CAMs, by type.
+    busy ratio over stations. others: messages handed to radios that are no CAMs, by type. rejected: messages
+    that reached instrumented vehicles and that their layers below the facilities rejected, by reason.
     """
 
     pairs: _Bins
@@ -69,6 +70,7 @@ class Statistics:
     busy_mean: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
     busy_max: Annotated[tuple[_Share, ...], Field(max_length=_MOST_VALUES)]
     others: Annotated[dict[_OutcomeName, _Count], Field(max_length=100)] = field(default_factory=dict)
+    rejected: Annotated[dict[_OutcomeName, _Count], Field(max_length=100)] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raises ValueError for inconsistent columns: recordings are untrusted input."""
@@ -109,11 +111,15 @@ class Statistics:
             )
         if self.dropped:
             lines.append(("CAMs dropped", f"{self.dropped}, never sent"))
+        if self.rejected:
+            reasons = sorted(self.rejected.items(), key=lambda item: (-item[1], item[0]))
+            lines.append(("messages rejected", ", ".join(f"{count} {reason}" for reason, count in reasons)))
         return lines
 
     def to_json(self) -> str:
-        """All values as one JSON document; that of a drive with CAMs alone has no `others`."""
-        return json.dumps({name: value for name, value in asdict(self).items() if value or name != "others"})
+        """All values as one JSON document; without `others` and `rejected` where there are none."""
+        rare = ("others", "rejected")
+        return json.dumps({name: value for name, value in asdict(self).items() if value or name not in rare})
 
 
 def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
@@ -154,10 +160,15 @@ class Tally:
     _senders: dict[int, _Sender] = field(default_factory=dict)
     _loads: list[tuple[int, float, float]] = field(default_factory=list)
     _others: Counter[str] = field(default_factory=Counter)
+    _rejected: Counter[str] = field(default_factory=Counter)
 
     def count(self, names: Iterable[str]) -> None:
         """Count messages that stations hand to their radios, by the names of their types."""
         self._others.update(name for name in names if name != CAM.name)
+
+    def reject(self, reasons: Iterable[str]) -> None:
+        """Count receptions that a vehicle's lower layers rejected, by reason."""
+        self._rejected.update(reasons)
 
     def add(self, step: Step, is_cam: Bool | None = None) -> None:
         """Count the results of a step of the medium. is_cam: (M,), which messages are CAMs; None: all."""
@@ -198,6 +209,7 @@ class Tally:
             busy_mean=tuple(load[1] for load in self._loads),
             busy_max=tuple(load[2] for load in self._loads),
             others=dict(sorted(self._others.items())),
+            rejected=dict(sorted(self._rejected.items())),
         )
 
     def _add_senders(self, outcomes: ReceptionOutcomes, is_cam: Bool) -> None:

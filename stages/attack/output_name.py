@@ -23,8 +23,9 @@ def output_name(request: AttackRequest, reader: BagReader) -> str:
 
 
 def attack_id(request: AttackRequest) -> str:
-    """The default name of the adversarial bag: attack, recipe, and the parameters that are not at their
-    defaults, such as `detach-best-0.01` or `detach-best-0.01-rounds20`; of several attacks, joined by +."""
+    """The default name of the adversarial bag: attack, recipe, and the parameters and credentials that are
+    not at their defaults, such as `detach-best-0.01` or `cpm-ghost-credentials-none`; of several attacks,
+    joined by +."""
     return _file_name("+".join(_one_id(spec) for spec in request.attacks))
 
 
@@ -52,6 +53,8 @@ def _one_id(spec: AttackSpec) -> str:
             parts.append(_short(value))
         elif value != known.get(name):
             parts.append(name if value is True else f"{name}{_short(value)}")
+    if spec.credentials != AttackSpec.model_fields["credentials"].default:
+        parts += ["credentials", spec.credentials]
     return "-".join(parts)
 
 

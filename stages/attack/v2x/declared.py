@@ -29,4 +29,5 @@ def declaration_of_messages(spec: AttackSpec, attack_class: type[V2xAttack]) -> 
         untrue=untrue,
         published=traits.published_with(parameters),
         parts=attack_class.parts(spec.type, parameters),
+        message_types=traits.message_types,
     )

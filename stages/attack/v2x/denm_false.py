@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil
 from typing import Any
 
 import numpy as np
 
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.labels.message_quantities import MESSAGES_ADDED
 from advpipe.pipeline.messages.v2x import RadioPlace
 from advpipe.pipeline.replay.v2x_drive import V2xStep
@@ -29,7 +30,7 @@ MIN_RATE_HZ, MAX_RATE_HZ = 0.001, 1_000.0
 @dataclass
 class _FalseEvent:
     denm: Denm
-    place_m: np.ndarray[Any, np.dtype[np.float64]]
+    place_m: Float64
     next_ns: int
 
 
@@ -39,7 +40,8 @@ class DenmFalse(V2xAttack):
     kind: "braking", "stopped" or "collision". The event is distance_m ahead of the victim, or of the attacker
     itself if there is none, when it is announced; once its target has passed it or is 300 m away, another one
     follows. rate_hz: how often an attacker sends the DENM. validity_s: for how long receivers are to believe
-    it.
+    it. place: `ahead`, or `random`, anywhere within distance_m of the target, the baseline with as many
+    DENMs.
     """
 
     traits = V2xTraits(every_message_matters=True, needs_traffic=False, message_types=(DENM.name,))
@@ -52,6 +54,7 @@ class DenmFalse(V2xAttack):
         distance_m: float = 50.0,
         rate_hz: float = 2.0,
         validity_s: int = 10,
+        place: str = "ahead",
     ) -> None:
         super().__init__(context)
         self._kind = KINDS[checked_choice(context.name, "kind", kind, KINDS)]
@@ -59,13 +62,14 @@ class DenmFalse(V2xAttack):
         rate_hz = checked_number(context.name, "rate_hz", rate_hz, MIN_RATE_HZ, MAX_RATE_HZ)
         self._interval_ns = _interval_ns(rate_hz)
         self._validity_s = checked_integer(context.name, "validity_s", validity_s, 1, 86_400)
+        self._is_random = checked_choice(context.name, "place", place, ("ahead", "random")) == "random"
         self._events: dict[int, _FalseEvent] = {}
         self._numbers: dict[int, int] = {}
 
     @classmethod
     def bounds(cls, parameters: Mapping[str, Any]) -> Mapping[str, tuple[float, float]]:
         rate_hz = min(max(parameters["rate_hz"], MIN_RATE_HZ), MAX_RATE_HZ)  # other rates are rejected
-        return {MESSAGES_ADDED.name: (0, ceil(1e9 / _interval_ns(rate_hz)))}
+        return {MESSAGES_ADDED.name: (0, math.ceil(1e9 / _interval_ns(rate_hz)))}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         edited, context = list(sent), self.context
@@ -82,7 +86,7 @@ class DenmFalse(V2xAttack):
 
     def _warn(self, begin_ns: int, end_ns: int, attacker: int, target: RadioPlace) -> Iterator[Sent]:
         event = self._events.get(attacker)
-        if event is None or _is_over(event, target, self._distance_m):
+        if event is None or self._is_over(event, target):
             next_ns = begin_ns if event is None else max(event.next_ns, begin_ns)
             event = self._events[attacker] = self._announce(next_ns, attacker, target)
         while event.next_ns < end_ns:
@@ -95,7 +99,7 @@ class DenmFalse(V2xAttack):
         rng = self.context.rng("phase", attacker)
         phase_ns = int(rng.integers(self._interval_ns)) if attacker not in self._events else 0
         pose = target.map_SE3_base.copy()
-        pose[:3, 3] += pose[:3, 0] * (target.size_m[0] / 2 + self._distance_m)
+        pose[:3, 3] += pose[:3, :2] @ self._offset_m(attacker, now_ns, target)
         place = reference_point(self.context.geodesy, pose, 0.0)
         number = self._numbers[attacker] = (self._numbers.get(attacker, int(rng.integers(2**16))) + 1) % 2**16
         station_id = self.context.identities.of(attacker)
@@ -116,12 +120,22 @@ class DenmFalse(V2xAttack):
         )
         return _FalseEvent(denm, pose[:3, 3], now_ns + phase_ns)
 
+    def _offset_m(self, attacker: int, now_ns: int, target: RadioPlace) -> Float64:
+        """Where the event is from the target's centre: forward and to the left."""
+        if not self._is_random:
+            return np.array([target.size_m[0] / 2 + self._distance_m, 0.0])
+        rng = self.context.rng("place", attacker, now_ns)
+        radius_m, angle_rad = abs(self._distance_m) * math.sqrt(rng.random()), math.tau * rng.random()
+        return radius_m * np.array([math.cos(angle_rad), math.sin(angle_rad)])
 
-def _is_over(event: _FalseEvent, target: RadioPlace, distance_m: float) -> bool:
-    """Whether the target has passed the event, which was announced this far ahead of it, or is far away."""
-    apart_m = event.place_m - target.map_SE3_base[:3, 3]
-    is_passed = distance_m > 0 and float(apart_m @ target.map_SE3_base[:3, 0]) < 0
-    return is_passed or float(np.linalg.norm(apart_m)) > max(FAR_M, 2 * abs(distance_m))
+    def _is_over(self, event: _FalseEvent, target: RadioPlace) -> bool:
+        """Whether the target has passed the event, or is far from it."""
+        apart_m = event.place_m - target.map_SE3_base[:3, 3]
+        away_m = float(np.linalg.norm(apart_m))
+        if self._is_random:
+            return away_m > 2 * abs(self._distance_m)
+        is_passed = self._distance_m > 0 and float(apart_m @ target.map_SE3_base[:3, 0]) < 0
+        return is_passed or away_m > max(FAR_M, 2 * abs(self._distance_m))
 
 
 def _interval_ns(rate_hz: float) -> int:

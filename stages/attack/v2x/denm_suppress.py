@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
@@ -27,6 +28,8 @@ class DenmSuppress(V2xAttack):
     the station id of the station that announced it; "drop" sends none of the attacker's own DENMs. An
     attacker answers DENMs that are sent within range_m of it, reaction_s and a constant of its own below
     10 ms later, and the same event again after repetition_s at the earliest.
+    choice: `heard` ends the event that it has just heard of; `random` any one that it has heard of so far,
+    the baseline with as many DENMs; not with "drop".
     """
 
     traits = V2xTraits(every_message_matters=True, needs_traffic=False, message_types=(DENM.name,))
@@ -39,6 +42,7 @@ class DenmSuppress(V2xAttack):
         range_m: float = RECEPTION_RANGE_M,
         reaction_s: float = 0.02,
         repetition_s: float = 0.5,
+        choice: str = "heard",
     ) -> None:
         super().__init__(context)
         self._mode = checked_choice(context.name, "mode", mode, MODES)
@@ -47,6 +51,10 @@ class DenmSuppress(V2xAttack):
         self._repetition_ns = round(
             checked_number(context.name, "repetition_s", repetition_s, 0.01, 600) * 1e9
         )
+        self._is_random = checked_choice(context.name, "choice", choice, ("heard", "random")) == "random"
+        if self._is_random and mode == "drop":
+            raise UsageError(f"{context.name}: choice 'random' ends other events; mode 'drop' ends none")
+        self._heard: dict[int, dict[ActionId, Denm]] = {}
         self._last_ns: dict[tuple[int, ActionId], int] = {}
         self._phases_ns: dict[int, int] = {}
         self._pending: list[tuple[int, int, Denm]] = []
@@ -71,11 +79,19 @@ class DenmSuppress(V2xAttack):
                     continue
                 if math.dist(radios[attacker], radios[one.station_id]) > self._range_m:
                     continue
+                self._heard.setdefault(attacker, {})[denm.action] = denm
                 last_ns = self._last_ns.get((attacker, denm.action))
                 if last_ns is None or one.request_ns - last_ns >= self._repetition_ns:
                     self._last_ns[attacker, denm.action] = one.request_ns
                     at_ns = one.request_ns + self._reaction_ns + self._phase_ns(attacker)
-                    self._pending.append((at_ns, attacker, denm))
+                    self._pending.append((at_ns, attacker, self._chosen(attacker, one, denm)))
+
+    def _chosen(self, attacker: int, sent: Sent, heard: Denm) -> Denm:
+        """The DENM whose event the attacker ends when it hears this one."""
+        if not self._is_random:
+            return heard
+        known = list(self._heard[attacker].values())
+        return known[int(self.context.rng("choice", attacker, sent.number).integers(len(known)))]
 
     def _phase_ns(self, attacker: int) -> int:
         if attacker not in self._phases_ns:

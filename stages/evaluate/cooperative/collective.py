@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +35,7 @@ from advpipe.stages.evaluate.cooperative.heard_checks import (
     omitting,
     without_witnesses,
 )
+from advpipe.stages.evaluate.cooperative.heard_picture import draw_heard
 from advpipe.stages.evaluate.cooperative.heard_scenes import (
     NEAR_M,
     HeardScene,
@@ -41,7 +44,8 @@ from advpipe.stages.evaluate.cooperative.heard_scenes import (
 )
 from advpipe.stages.evaluate.detection.comparison import bag_name
 from advpipe.stages.evaluate.report.numbers import formatted_number
-from advpipe.stages.evaluate.report.section import Formula, ReportSection, Table
+from advpipe.stages.evaluate.report.pictures import picture_of
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 KEY = "collective_perception"
 CLEAN_BAG = "clean"
@@ -82,12 +86,13 @@ def collective_sections(
     if not vehicles:
         return ()
     bags = {CLEAN_BAG: clean, **{bag_name(bag): bag for bag in adversarial}}
-    records = tuple(
-        collective_record(name, bag, vehicle, window)
+    evaluated = [
+        collective_drive(name, bag, vehicle, window)
         for vehicle in vehicles
         for name, bag in bags.items()
         if has_heard_objects(BagReader(bag), vehicle)
-    )
+    ]
+    records = tuple(each.record for each in evaluated)
     return (
         ReportSection(
             key=KEY,
@@ -95,6 +100,7 @@ def collective_sections(
             lead="What a vehicle knows of road users that its own LiDARs do not see, and which of the "
             "objects that it hears of are doubtful.",
             tables=(_known_table(records), _checks_table(records)),
+            pictures=tuple(_picture(each) for each in evaluated if each.worst is not None),
             records=records,
             formulas=FORMULAS,
             terminal=(_known_table(records),),
@@ -102,16 +108,25 @@ def collective_sections(
     )
 
 
-def collective_record(
-    name: str, bag: Path, vehicle: str, window: Window = WHOLE_DRIVE
-) -> CollectivePerceptionRecord:
-    """The values of one bag and vehicle."""
+class CollectiveDrive(NamedTuple):
+    """The values of one bag and vehicle. worst: the instant with most attacked objects among those that are
+    heard, and which these are (H,); None where there are none."""
+
+    record: CollectivePerceptionRecord
+    worst: tuple[HeardScene, Bool] | None
+
+
+def collective_drive(name: str, bag: Path, vehicle: str, window: Window = WHOLE_DRIVE) -> CollectiveDrive:
+    """Evaluate one bag and vehicle."""
     reader, counts = BagReader(bag), Counter[str]()
     labels = _Attacked(reader, bag)
+    worst: tuple[HeardScene, Bool] | None = None
     for scene in track(heard_scenes(reader, vehicle, window), "collective perception"):
         counts["instants"] += 1
         _count_known(scene, counts)
         attacked = labels.of(scene)
+        if attacked.sum() > (0 if worst is None else worst[1].sum()):
+            worst = scene, attacked
         for check, flagged in (("free", in_free_space(scene)), ("witness", without_witnesses(scene))):
             counts[f"{check} attacked"] += int(flagged[attacked].sum())
             counts[f"{check} honest"] += int(flagged[~attacked].sum())
@@ -126,6 +141,10 @@ def collective_record(
                 continue
             counts[kind] += 1
             counts[f"omission {kind}"] += is_flagged
+    return CollectiveDrive(_record(name, vehicle, counts), worst)
+
+
+def _record(name: str, vehicle: str, counts: Counter[str]) -> CollectivePerceptionRecord:
     return CollectivePerceptionRecord(
         bag=name,
         vehicle=vehicle,
@@ -144,6 +163,15 @@ def collective_record(
         omission_tpr=_share(counts, "omission silent", "silent"),
         omission_fpr=_share(counts, "omission open", "open"),
     )
+
+
+def _picture(drive: CollectiveDrive) -> ReportPicture:
+    assert drive.worst is not None
+    name, vehicle = drive.record.bag, drive.record.vehicle
+    caption = f"{name}: what {vehicle} hears of in CPMs, when most of it is false"
+    figure = draw_heard(*drive.worst)
+    drawn = picture_of(SECTION, name, f"{name}-{vehicle}-cpm.png", caption, figure, is_wide=False)
+    return replace(drawn, is_worst=True)
 
 
 class _Attacked:

@@ -34,7 +34,8 @@ def in_free_space(scene: HeardScene) -> Bool:
     boxes = {
         index: box
         for index, one in enumerate(scene.heard)
-        if (box := box_in_lidar(scene, one)) is not None and np.hypot(box[0], box[1]) > ITSELF_M
+        if (box := box_in_lidar(one, scene.time_ns, scene.lidar_SE3_map)) is not None
+        and np.hypot(box[0], box[1]) > ITSELF_M
     }
     if not len(scene.cloud_m) or not boxes:
         return found

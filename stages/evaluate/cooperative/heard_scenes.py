@@ -131,13 +131,14 @@ def _boxes(users: Sequence[object]) -> Float64:
     return np.array(rows, np.float64).reshape(-1, 7)
 
 
-def box_in_lidar(scene: HeardScene, one: HeardObject) -> Float64 | None:
-    """The box (7,) of a heard object now, in the LiDAR's frame; None where the CPM does not state it all."""
+def box_in_lidar(one: HeardObject, time_ns: int, lidar_SE3_map: Float64) -> Float64 | None:
+    """The box (7,) of a heard object at a time, in the LiDAR's frame; None where the CPM does not state it
+    all."""
     sizes_m = one.length_m, one.width_m, one.height_m
     if not np.isfinite([*sizes_m, one.yaw_rad]).all() or min(sizes_m) <= 0:
         return None
-    centre = transform_points(scene.lidar_SE3_map, [*one.moved_m(scene.time_ns), one.centre_m[2]])
-    return np.array([*centre, *sizes_m, one.yaw_rad + yaw_of(scene.lidar_SE3_map)])
+    centre = transform_points(lidar_SE3_map, [*one.moved_m(time_ns), one.centre_m[2]])
+    return np.array([*centre, *sizes_m, one.yaw_rad + yaw_of(lidar_SE3_map)])
 
 
 def _distance_m(one: Sequence[float] | Float64, other: Sequence[float] | Float64) -> float:

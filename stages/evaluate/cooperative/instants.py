@@ -9,15 +9,14 @@ import numpy as np
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
-from advpipe.stages.evaluate.cooperative.pair import Alignment, Pair
+from advpipe.stages.evaluate.cooperative.pair import Pair
 
 MOST_FRAMES = 50
 
 
-def false_span(reader: BagReader, pair: Pair, clean: Alignment, attacked: Sequence[Alignment]) -> range:
-    """The fusing vehicle's clouds from the first to the last at which any poses are not the clean ones."""
+def false_span(reader: BagReader, pair: Pair, changed_ns: Sequence[int]) -> range:
+    """The fusing vehicle's clouds from the first to the last time at which poses or CPMs are false."""
     times_ns = reader.log_times_ns(pair.own.lidar_points.name)
-    changed_ns = [time_ns for one in attacked for time_ns in one.changed_ns(clean)]
     if not changed_ns:
         return range(0)
     return range(

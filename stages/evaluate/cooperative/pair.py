@@ -105,6 +105,15 @@ class Alignment:
 
     def at(self, stamp_ns: int) -> Float64:
         """The transform (4, 4) at a stamp; raises AdvpipeError where a pose is missing."""
+        own, other = self._map_SE3_lidars(stamp_ns)
+        aligned: Float64 = invert(own) @ other
+        return aligned
+
+    def own_SE3_map(self, stamp_ns: int) -> Float64:
+        """From the map to the first LiDAR, likewise."""
+        return invert(self._map_SE3_lidars(stamp_ns)[0])
+
+    def _map_SE3_lidars(self, stamp_ns: int) -> list[Float64]:
         map_SE3_lidars = []
         for reported, base_SE3_lidar in self._ends:
             if stamp_ns not in reported:
@@ -112,8 +121,7 @@ class Alignment:
                     f"{self._reader.path} reports no pose at {stamp_ns} ns, when it has clouds"
                 )
             map_SE3_lidars.append(reported[stamp_ns] @ base_SE3_lidar)
-        aligned: Float64 = invert(map_SE3_lidars[0]) @ map_SE3_lidars[1]
-        return aligned
+        return map_SE3_lidars
 
 
 def misalignment_m(aligned: Float64, true: Float64) -> float:

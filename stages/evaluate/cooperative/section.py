@@ -1,8 +1,9 @@
-"""The report's part on cooperative perception: two vehicles fuse clouds or detections by false poses."""
+"""The report's part on cooperative perception: fused clouds and detections by false poses, and CPMs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,14 @@ from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.labels.perceived_objects import read_object_labels
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.matching import FrameMatches
 from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
 from advpipe.pipeline.results.cooperative import CooperativeRecord
-from advpipe.stages.evaluate.cooperative.fusion import fuse_clouds, fuse_detections, without_oneself
+from advpipe.stages.evaluate.cooperative.conditions import CLEAN, CLOUDS, HEARD, TRUE, Condition, Conditions
+from advpipe.stages.evaluate.cooperative.fusion import fuse_clouds
+from advpipe.stages.evaluate.cooperative.heard_detections import HEARD_SCORE
 from advpipe.stages.evaluate.cooperative.instants import asked_for, false_span, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import (
     Alignment,
@@ -33,36 +37,27 @@ from advpipe.stages.evaluate.cooperative.pair import (
 )
 from advpipe.stages.evaluate.cooperative.picture import Fused, draw_fused
 from advpipe.stages.evaluate.detection.comparison import bag_name
-from advpipe.stages.evaluate.detection.scoring import CachedDetector, ground_truth, match
+from advpipe.stages.evaluate.detection.scoring import CachedDetector, Truth, ground_truth, match
 from advpipe.stages.evaluate.localisation.track import attacked_fixes_ns
 from advpipe.stages.evaluate.report.numbers import formatted_number
 from advpipe.stages.evaluate.report.pictures import picture_of
-from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportSection, Table
+from advpipe.stages.evaluate.report.section import SECTION, Formula, ReportPicture, ReportSection, Table
 
 SHOWN_SCORE = 0.3
 """The lowest score of the boxes in the picture."""
 KEY = "cooperative"
 """The key under which `report.json` lists the section's records."""
 CRITERIA = ("strict", "loose")
-ALONE, TRUE, CLEAN = "alone", "true poses", "clean poses"
-
-See = Callable[[CachedDetector, SharedFrame, Float64], Detections]
-
-FUSIONS: dict[str, See] = {
-    "clouds": lambda cached, frame, pose: cached.detect(fuse_clouds(frame.own.cloud, frame.other, pose)),
-    "detections": lambda cached, frame, pose: fuse_detections(
-        cached.detect(frame.own.cloud), cached.detect(frame.other), pose
-    ),
-}
-"""Ways to fuse both vehicles' perception."""
 
 FORMULAS = (
     Formula(
         "cooperative",
         "the shared cloud, or the detections in it, are transformed to the fusing vehicle's frame by the "
         "poses that both vehicles report (their odometry). Truth: objects around the fusing vehicle with at "
-        "least 5 points in both clouds together, aligned by true poses. Boxes around the fusing vehicle "
-        "itself do not count. All rows are of the same instants, while the poses of any bag are false",
+        "least 5 points in both clouds together, aligned by true poses. CPMs: the vehicle's own detections, "
+        "and the objects in its Local Dynamic Map that stations report in CPMs, by its own reported pose; "
+        f"each counts with a score of {HEARD_SCORE:g}. Boxes around the fusing vehicle itself do not count. "
+        "All rows are of the same instants, while poses or CPMs of any bag are false",
         ("ap_strict", "ap_loose", "objects", "frames"),
         title="Cooperative detection",
     ),
@@ -85,7 +80,8 @@ def cooperative_sections(
     lidar_topic: str | None = None,
     adaptation: Adaptation = AS_THEY_ARE,
 ) -> tuple[ReportSection, ...]:
-    """One section where two vehicles with LiDARs share clouds and the GPS of one was attacked; else none.
+    """One section where two vehicles with LiDARs share clouds, and the GPS of one or CPMs were attacked; else
+    none.
 
     frames: the clouds of `lidar_topic` at which to fuse; at most `MOST_FRAMES` of them, equally spaced.
     `seed` is not used. Raises AdvpipeError for bags without the sensors' mounting poses.
@@ -94,36 +90,45 @@ def cooperative_sections(
     pair = find_pair(reader)
     if pair is None:
         return ()
-    attacked = [bag for bag in adversarial if _moves(reader, BagReader(bag), pair)]
+    attacked = [bag for bag in adversarial if _moves(reader, BagReader(bag), pair) or read_object_labels(bag)]
     if not attacked:
         return ()
     moved = {bag_name(bag): BagReader(bag) for bag in attacked}
     asked = asked_for(reader, pair, frames, lidar_topic)
     rows, most_displaced = cooperative_rows(reader, pair, moved, detector, device, asked, adaptation)
-    title = "Cooperative perception under GPS attacks"
-    if most_displaced is None:
+    title = "Cooperative perception: fused clouds, detections and CPMs under attack"
+    if not rows:
         if frames == ALL_FRAMES:
             return ()
-        lead = f"No pose is false in the frames {frames}, so nothing was fused. Choose later or more frames."
+        lead = (
+            f"No pose and no CPM is false in the frames {frames}, so nothing was fused. Choose later or "
+            "more frames."
+        )
         return (ReportSection(key=KEY, title=title, lead=lead),)
-    names = pair.own.vehicle, pair.other.vehicle
-    caption = (
-        f"Perception of {names[0]}, fused with that of {names[1]}, when the pose error is largest relative "
-        "to their distance"
-    )
-    picture = picture_of(SECTION, "", "cooperative.png", caption, draw_fused(most_displaced, *names))
+    own, other = pair.own.vehicle, pair.other.vehicle
     return (
         ReportSection(
             key=KEY,
             title=title,
-            lead=f"{names[0]} fuses its own perception with what {names[1]} shares, while poses are false.",
+            lead=f"{own} fuses its own perception with what {other} shares, or with the objects of all CPMs "
+            "that it hears, while poses or CPMs are false.",
             tables=(_table(rows),),
-            pictures=(picture,),
+            pictures=_pictures(most_displaced, own, other),
             records=tuple(rows),
             formulas=FORMULAS,
             terminal=(_overview(rows),),
         ),
     )
+
+
+def _pictures(fused: Fused | None, own: str, other: str) -> tuple[ReportPicture, ...]:
+    if fused is None:
+        return ()
+    caption = (
+        f"Perception of {own}, fused with that of {other}, when the pose error is largest relative to their "
+        "distance"
+    )
+    return (picture_of(SECTION, "", "cooperative.png", caption, draw_fused(fused, own, other)),)
 
 
 def cooperative_rows(
@@ -135,70 +140,92 @@ def cooperative_rows(
     asked: range | None = None,
     adaptation: Adaptation = AS_THEY_ARE,
 ) -> tuple[list[CooperativeRecord], Fused | None]:
-    """The fusing vehicle alone, and fused by clean and attacked poses; a row for each class with objects.
+    """The fusing vehicle alone, fused by clean and attacked poses, and with the objects of clean and attacked
+    CPMs; a row for each class with objects.
 
     All rows are of the same instants, from the first to the last at which the poses of any bag differ from
-    the clean bag's. asked: the clouds to choose from, by default all. The second value is the instant at
-    which the smallest pose error was largest relative to the distance between both vehicles, for a picture;
-    None without instants.
+    the clean bag's, or at which a CPM is false. asked: the clouds to choose from, by default all. The second
+    value is the instant at which the smallest pose error was largest relative to the distance between both
+    vehicles, for a picture; None without false poses.
     """
-    true = Alignment(reader, pair, true=True)
-    reported = {
-        TRUE: true,
-        CLEAN: Alignment(reader, pair),
-        **{name: Alignment(other, pair) for name, other in adversarial.items()},
-    }
-    false = false_span(reader, pair, reported[CLEAN], [reported[name] for name in adversarial])
+    bags = {CLEAN: reader, **adversarial}
+    reported = {name: Alignment(bag, pair) for name, bag in bags.items()}
+    moved_ns = {name: reported[name].changed_ns(reported[CLEAN]) for name in adversarial}
+    spoken_ns = [label.time_ns for bag in adversarial.values() for label in read_object_labels(bag.path)]
+    false = false_span(reader, pair, [*spoken_ns, *chain.from_iterable(moved_ns.values())])
     chosen = fused_instants(asked if asked is not None else asked_for(reader, pair), false)
     if chosen is None:
         return [], None
     cached = CachedDetector(adapted_detector(load_detector(detector, device), adaptation))
-    conditions = [(ALONE, ""), *((name, fusion) for fusion in FUSIONS for name in reported)]
-    matches: dict[tuple[str, str, str, str], list[FrameMatches]] = {}
-    off: dict[str, list[tuple[float, float]]] = {name: [] for name in reported}
-    greatest, most_displaced = -1.0, None
+    conditions = Conditions(cached, pair, bags, reported, [name for name, at_ns in moved_ns.items() if at_ns])
+    true = Alignment(reader, pair, true=True)
+    poses_at = {TRUE: true, **{name: reported[name] for name in (CLEAN, *conditions.moved)}}
+    matches: dict[tuple[Condition, str, str], list[FrameMatches]] = {}
+    off: dict[str, list[tuple[float, float]]] = {name: [] for name in poses_at}
+    picture = _LargestError()
     count = len(range(chosen.start, chosen.stop or 0, chosen.step))
     for frame in track(shared_frames(reader, pair, chosen), "cooperative perception", count):
-        stamp_ns, own_SE3_other = frame.own.stamp_ns, true.at(frame.own.stamp_ns)
+        own_SE3_other = true.at(frame.own.stamp_ns)
         together = fuse_clouds(frame.own.cloud, frame.other, own_SE3_other)
         truth = ground_truth(frame.own, cached.classes, cached.range_m).counted_on(together)
-        poses = {name: alignment.at(stamp_ns) for name, alignment in reported.items()}
+        poses = {name: alignment.at(frame.own.stamp_ns) for name, alignment in poses_at.items()}
         for name, pose in poses.items():
             off[name].append((misalignment_m(pose, own_SE3_other), misalignment_deg(pose, own_SE3_other)))
-        seen: dict[str, tuple[Float64, Float64]] = {}
-        for name, fusion in conditions:
-            own = frame.own.cloud
-            seen_by = cached.detect(own) if name == ALONE else FUSIONS[fusion](cached, frame, poses[name])
-            found = _in_range(cached, without_oneself(seen_by))
-            if fusion == "clouds":
-                seen[name] = poses[name], found.boxes[found.scores >= SHOWN_SCORE]
-            for (criterion, label), one in match(truth, found, cached.classes, CRITERIA).items():
-                matches.setdefault((name, fusion, criterion, label), []).append(one)
-        error_m = min(off[name][-1][0] for name in adversarial)
-        if (relative_error := error_m / float(np.linalg.norm(own_SE3_other[:3, 3]))) > greatest:
-            boxes = truth.boxes.geometry[truth.is_evaluated]
-            greatest, most_displaced = relative_error, Fused(frame.own.cloud, frame.other, boxes, seen)
+        found = {each: _in_range(cached, conditions.see(each, frame, poses)) for each in conditions.all}
+        for each, seen in found.items():
+            for (criterion, label), one in match(truth, seen, cached.classes, CRITERIA).items():
+                matches.setdefault((each, criterion, label), []).append(one)
+        if conditions.moved:
+            error_m = min(off[name][-1][0] for name in conditions.moved)
+            by_clouds = {
+                each.poses: (poses[each.poses], found[each]) for each in found if each.fusion == CLOUDS
+            }
+            picture.offer(error_m / float(np.linalg.norm(own_SE3_other[:3, 3])), frame, truth, by_clouds)
     rows = [
-        _row(name, fusion, label, matches, off.get(name, []))
-        for name, fusion in conditions
+        _row(each, label, matches, off.get(each.poses, []) if each.fusion != HEARD else [])
+        for each in conditions.all
         for label in cached.classes
-        if sum(one.n_truth for one in matches.get((name, fusion, "strict", label), []))
+        if sum(one.n_truth for one in matches.get((each, "strict", label), []))
     ]
-    return rows, most_displaced
+    return rows, picture.fused
+
+
+class _LargestError:
+    """Keeps the instant of the largest relative error of poses, for a picture."""
+
+    def __init__(self) -> None:
+        self._greatest = -1.0
+        self.fused: Fused | None = None
+
+    def offer(
+        self,
+        relative_error: float,
+        frame: SharedFrame,
+        truth: Truth,
+        by_clouds: Mapping[str, tuple[Float64, Detections]],
+    ) -> None:
+        """by_clouds: by whose poses clouds are fused, the pose of the other LiDAR and what is found."""
+        if relative_error <= self._greatest:
+            return
+        boxes = truth.boxes.geometry[truth.is_evaluated]
+        shown = {
+            name: (pose, found.boxes[found.scores >= SHOWN_SCORE])
+            for name, (pose, found) in by_clouds.items()
+        }
+        self._greatest, self.fused = relative_error, Fused(frame.own.cloud, frame.other, boxes, shown)
 
 
 def _row(
-    name: str,
-    fusion: str,
+    condition: Condition,
     label: str,
-    matches: Mapping[tuple[str, str, str, str], Sequence[FrameMatches]],
+    matches: Mapping[tuple[Condition, str, str], Sequence[FrameMatches]],
     off: Sequence[tuple[float, float]],
 ) -> CooperativeRecord:
-    strict, loose = (RankedMatches.of(matches[name, fusion, criterion, label]) for criterion in CRITERIA)
+    strict, loose = (RankedMatches.of(matches[condition, criterion, label]) for criterion in CRITERIA)
     off_m, off_deg = np.mean(off, axis=0) if off else (np.nan, np.nan)
     return CooperativeRecord(
-        poses=name,
-        fusion=fusion,
+        poses=condition.poses,
+        fusion=condition.fusion,
         label=label,
         frames=len(strict.n_truth),
         objects=int(strict.n_truth.sum()),

@@ -10,6 +10,7 @@ from advpipe.pipeline.results.coordinated import CoordinatedRecord
 from advpipe.pipeline.results.localisation import LocalisationRecord
 from advpipe.pipeline.results.v2x import V2xRecord
 from advpipe.stages.evaluate.report.headline_detection import clean_headline, detection_headline
+from advpipe.stages.evaluate.report.headline_heard import heard_headlines
 from advpipe.stages.evaluate.report.headline_messages import localisation_headline, v2x_headline
 from advpipe.stages.evaluate.report.headline_parts import Headline
 from advpipe.stages.evaluate.report.report import Report
@@ -55,11 +56,12 @@ def _headlines(report: Report) -> Iterator[Headline]:
     if positions := report.listed(LocalisationRecord):
         yield localisation_headline(positions)
     spoofed = {each.bag for each in positions}
-    drives = [each for each in report.listed(V2xRecord) if each.attack]
+    drives = [each for each in report.listed(V2xRecord) if each.attacks]
     # False fixes change the vehicle's own CAMs, too: without a false message received, that is no V2X attack.
     if own := [each for each in drives if each.false_messages or each.bag not in spoofed]:
         clean = {each.vehicle: each for each in report.listed(V2xRecord) if not each.attack}
         yield v2x_headline(own, clean)
+    yield from heard_headlines(report)
 
 
 def _is_one_coordinated_attack(report: Report) -> bool:

@@ -61,14 +61,22 @@ def denm_sections(clean: Path, adversarial: Sequence[Path]) -> tuple[ReportSecti
     records = [record for bag, name in bags for record in _records(BagReader(bag), bag, name)]
     if not any(each.messages for each in records):
         return ()
+    table = Table("Warnings that vehicles received", HEADS, tuple(map(_line, records)), NOTE)
     return (
         ReportSection(
             key="denm",
             title="Warnings (DENMs): false and suppressed events",
             lead=_lead(records),
-            tables=(Table("Warnings that vehicles received", HEADS, tuple(map(_line, records)), NOTE),),
+            tables=(table,),
             records=tuple(records),
             formulas=(FORMULA,),
+            terminal=(
+                Table(
+                    "Warnings (DENMs) that vehicles received",
+                    HEADS[:8],
+                    tuple(line[:8] for line in table.lines),
+                ),
+            ),
         ),
     )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.v2x_statistics import read_statistics
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
@@ -21,6 +22,7 @@ from advpipe.pipeline.misbehaviour.roads import RoadMap
 from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector
 from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.results.v2x import RadioMetrics, Warnings
+from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.stages.evaluate.v2x.collision import known_of_radio, warnings
 from advpipe.stages.evaluate.v2x.detection import Detection, detect, published_f1
 from advpipe.stages.evaluate.v2x.ldm_error import Known, LdmError, Moment, ldm_error, moments
@@ -36,7 +38,9 @@ class EvaluatedDrive:
 
     moments, errors, warned, received: by listener. radio: None for a part of a drive, and without
     statistics in the bag. roads: None without roads in the bag: the checks that need them are off.
-    missing_data: a sentence on each other thing that the bag lacks.
+    missing_data: a sentence on each other thing that the bag lacks. labels: of all messages, while
+    detection is of CAMs alone, without attacks on other types. attack: the names of all in one text; empty
+    for a clean bag.
     """
 
     name: str
@@ -49,6 +53,7 @@ class EvaluatedDrive:
     labels: list[MessageLabel]
     roads: RoadMap | None
     missing_data: tuple[str, ...] = ()
+    attack: str = ""
 
     def honest(self, listener: str) -> frozenset[int]:
         """Numbers of the messages that others sent near a listener and that no attack touched."""
@@ -107,10 +112,12 @@ def read_drive(
     recording = read_recording(reader, window.end_ns)
     receptions = read_receptions(reader, window, recording)
     listeners = [each.listener for each in receptions]
+    spared = attacks_beside_cams(reader.provenance)
+    on_cams = [label for label in labels if label.attack not in spared]
     found = {one: list(moments(reader, one, recording.expiry_s, window)) for one in listeners}
     return EvaluatedDrive(
         name,
-        detect(receptions, labels, detectors, published_f1(reader.provenance), window),
+        detect(receptions, on_cams, detectors, published_f1(reader.provenance), window),
         found,
         {one: ldm_error(found[one]) for one in listeners},
         {
@@ -122,6 +129,16 @@ def read_drive(
         [label for label in labels if window.is_before_end(label.time_ns)],
         roads_of_bag(reader),
         tuple(missing_data(reader, receptions, bool(labels))),
+        " + ".join(sorted({label.attack for label in labels})),
+    )
+
+
+def attacks_beside_cams(provenance: Provenance) -> frozenset[str]:
+    """The attacks of a bag that change other messages than CAMs alone, by what they declare."""
+    return frozenset(
+        one.type
+        for one in provenance.fields.attacks
+        if one.family == "v2x" and one.declared is not None and CAM.name not in one.declared.message_types
     )
 
 

@@ -167,13 +167,13 @@ def _drives(
 def section(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> ReportSection:
     """Tables, pictures and records of drives that have been read."""
     drives = (clean, *attacked)
+    scored = [drive for drive in attacked if drive.detection.parts]
     return ReportSection(
         key="v2x",
         title="V2X: misbehaviour detection and the effects of false messages",
         lead=_lead(clean, attacked),
         tables=(
-            detection_table(attacked),
-            comparison_table(attacked),
+            *((detection_table(scored), comparison_table(scored)) if scored else ()),
             victim_table(drives),
             radio_table(drives),
             check_table(DetectorConfig(), attacked, any(drive.roads for drive in drives)),
@@ -183,7 +183,7 @@ def section(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> Report
         records=tuple(_record(clean, drive, listener) for drive in drives for listener in drive.errors),
         notes=tuple(_notes(drives)),
         formulas=FORMULAS,
-        terminal=(detection_overview(attacked), victim_overview(drives)),
+        terminal=(*((detection_overview(scored),) if scored else ()), victim_overview(drives)),
     )
 
 
@@ -218,6 +218,11 @@ def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
             f"{', '.join(off)}: the bag does not hold its roads ({LANES.name}), so the checks "
             f"{' and '.join(NEED_ROADS)} and the baseline's position check are off."
         )
+    if spared := [drive.name for drive in drives if drive.attack and not drive.detection.parts]:
+        notes.append(
+            f"{', '.join(spared)}: no CAM is attacked, so there is nothing to detect among CAMs; the parts "
+            "on collective perception and on warnings have the effects of attacks on CPMs and DENMs."
+        )
     notes += [f"{drive.name}: {sentence}" for drive in drives for sentence in drive.missing_data]
     undecoded = sum(drive.detection.undecoded for drive in drives)
     if undecoded:
@@ -231,13 +236,14 @@ def _notes(drives: Sequence[EvaluatedDrive]) -> list[str]:
 def _pictures(clean: EvaluatedDrive, attacked: Sequence[EvaluatedDrive]) -> list[ReportPicture]:
     has_published = any(part.published == part.published for d in attacked for part in d.detection.parts)
     caption = f"F1 of each attack{'; the published values are of other data' if has_published else ''}"
-    figures = [("", "v2x-detection.png", caption, draw_detection([d.detection for d in attacked]))]
+    scored = [d.detection for d in attacked if d.detection.parts]
+    figures = [("", "v2x-detection.png", caption, draw_detection(scored))] if scored else []
     if any(part.detectors and part.false_messages for d in attacked for part in d.detection.parts):
         caption = "ROC curve of each attack and detector; a dot marks the share that the detector flags"
-        figures.append(("", "v2x-roc.png", caption, draw_roc([d.detection for d in attacked])))
+        figures.append(("", "v2x-roc.png", caption, draw_roc(scored)))
     for drive in attacked:
         listener = drive.most_affected_listener
-        if listener is None or not drive.moments[listener]:
+        if listener is None or not drive.moments[listener] or not drive.detection.parts:
             continue
         before, during = drive.maps_around_attack(listener)
         title = f"{drive.name}: Local Dynamic Map of {listener}"
@@ -261,7 +267,7 @@ def _record(clean: EvaluatedDrive, drive: EvaluatedDrive, listener: str) -> V2xR
     return V2xRecord(
         bag=drive.name,
         vehicle=listener,
-        attack=each.attack,
+        attack=drive.attack,
         false_messages=each.false_messages,
         messages=each.messages,
         undecoded=each.undecoded,

@@ -60,8 +60,18 @@ def security_sections(clean: Path, adversarial: Sequence[Path]) -> tuple[ReportS
             tables=(table,),
             records=records,
             formulas=(FORMULA,),
+            terminal=(_overview(table),),
         ),
     )
+
+
+def _overview(table: Table) -> Table:
+    """The main columns, for a terminal."""
+    heads = ("bag", "attacker", "received", "accepted", "rejected %")
+    columns = [HEADS.index(head) for head in heads]
+    lines = tuple(tuple(line[column] for column in columns) for line in table.lines)
+    title = "Security: messages of attackers, and (–) of all others, that receivers verified"
+    return Table(title, heads, lines)
 
 
 def _lead(records: Sequence[SecurityRecord]) -> str:

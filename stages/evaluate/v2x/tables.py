@@ -104,7 +104,7 @@ def _scored_attacks(attacked: Sequence[EvaluatedDrive]) -> Iterator[tuple[Evalua
     """Each attack of each bag; the whole bag before them where no single attack made all false messages."""
     for drive in attacked:
         each = drive.detection
-        if all(part.false_messages != each.false_messages for part in each.parts):
+        if each.parts and all(part.false_messages != each.false_messages for part in each.parts):
             yield (
                 drive,
                 ScoredAttack(

@@ -127,3 +127,15 @@ def test_unused_sections_are_not_recorded() -> None:
     assert not {"geonetworking", "security", "security_rules"} & V2x().model_dump().keys()
     used = V2x(security="etsi", security_rules=SecurityRules(max_age_s=1.0))
     assert V2x(**used.model_dump()) == used
+
+
+def test_packets_that_are_cut_off_are_kept_and_counted(payload: bytes) -> None:
+    whole = PacketBuilder(v2x(), 1, START_NS).packet(SENDER, START_NS, payload)
+    faulty = PacketBuilder(v2x(truncated_share=1.0), 1, START_NS)
+    cut = faulty.packet(SENDER, START_NS, payload)
+    assert 0 < len(cut) < len(whole)
+    assert whole.startswith(cut)
+    air = channel(v2x())
+    result = air.advance(START_NS + 500 * MS, NEAR, [message(0, 0, payload, cut)])
+    assert [(one.rejection, one.sent.packet) for one in result.rejected] == [(Rejection.MALFORMED, cut)]
+    assert ("messages rejected", "1 malformed") in air.statistics().lines()

@@ -33,6 +33,13 @@ def test_attack_id(changes, name):
     assert attack_id(request(**changes)) == name
 
 
+def test_what_attackers_sign_with_is_in_the_name():
+    names = [
+        attack_id(request(type="cam-drop", parameters={}, credentials=one)) for one in ("ticket", "none")
+    ]
+    assert names == ["cam-drop", "cam-drop-credentials-none"]
+
+
 def reader_of(path, *lidars):
     with BagWriter(path, provenance={}) as bag:
         for vehicle, name in lidars:

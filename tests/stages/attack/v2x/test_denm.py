@@ -105,6 +105,33 @@ def test_stations_do_not_warn_at_the_same_nanosecond(clean: BagReader, tmp_path:
         assert not [time_ns for time_ns, stations in senders.items() if len(stations) > 1]
 
 
+def test_baselines_send_as_many_denms_elsewhere(clean: BagReader, tmp_path: Path) -> None:
+    added = {}
+    for name, parameters in (
+        ("denm-false", {}),
+        ("denm-false", {"place": "random"}),
+        ("denm-suppress", {}),
+        ("denm-suppress", {"choice": "random"}),
+    ):
+        folder = tmp_path / str(len(added))
+        folder.mkdir()
+        before, after, _ = attacked(clean, folder, name, **parameters)
+        new = sorted((after[number] for number in after.keys() - before.keys()), key=lambda one: one.number)
+        added[name, bool(parameters)] = [(one.request_ns, decode_denm(one.payload)) for one in new]
+    for name in ("denm-false", "denm-suppress"):
+        aimed, blind = added[name, False], added[name, True]
+        assert [time_ns for time_ns, _ in aimed] == [time_ns for time_ns, _ in blind]
+    places = [
+        [(denm.latitude_deg, denm.longitude_deg) for _, denm in added["denm-false", one]] for one in (0, 1)
+    ]
+    assert not set(places[0]) & set(places[1])
+    ended = [[denm.action for _, denm in added["denm-suppress", one]] for one in (0, 1)]
+    assert ended[0] != ended[1]
+    assert set(ended[1]) <= {denm.action for denm in denms_of(list(before.values())).values()}
+    with pytest.raises(UsageError, match="mode 'drop' ends none"):
+        attacked(clean, tmp_path, "denm-suppress", choice="random", mode="drop")
+
+
 def test_an_attacker_keeps_its_own_warnings_to_itself(clean: BagReader, tmp_path: Path) -> None:
     before, after, labels = attacked(clean, tmp_path, "denm-suppress", mode="drop")
     dropped = before.keys() - after.keys()

@@ -23,7 +23,7 @@ from advpipe.pipeline.v2x.message_type import CPM, message_type_of
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
 from advpipe.stages.attack.v2x.change import V2xChange, forge
-from advpipe.stages.evaluate.cooperative.collective import collective_record
+from advpipe.stages.evaluate.cooperative.collective import collective_drive, collective_sections
 from advpipe.stages.verify.run import verify
 
 SETTINGS = (
@@ -161,10 +161,14 @@ def test_labels_tell_which_objects_are_false_and_the_bag_is_verified(
     assert all(row["true_x_m"] is None and row["false_x_m"] is not None for row in rows)
     assert verify(data_set).is_good
 
-    clean, attacked = (collective_record(name, data_set / name, "ego") for name in ("clean", "ghosts"))
+    clean, attacked = (collective_drive(name, data_set / name, "ego").record for name in ("clean", "ghosts"))
     assert clean.heard_false < 0.02
     assert clean.attacked == 0
     assert attacked.attacked > 0
     assert attacked.heard_false > clean.heard_false
     assert clean.known_with_cpms >= clean.known_by_cams
     assert clean.free_space_fpr < 0.1
+    (section,) = collective_sections(data_set / "clean", [out])
+    (picture,) = section.pictures  # of the attacked bag
+    assert (picture.bag, picture.is_worst) == ("ghosts", True)
+    assert picture.png.startswith(b"\x89PNG")

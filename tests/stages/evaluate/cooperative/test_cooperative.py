@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,13 @@ from advpipe.pipeline.core.verbosity import Verbosity, use_verbosity
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import invert, se3_from_yaw, transform_points
+from advpipe.pipeline.labels.perceived_objects import OBJECT_COLUMNS, write_object_labels
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
+from advpipe.pipeline.messages.heard_objects import heard_objects_cdr
 from advpipe.pipeline.messages.topics import TF_STATIC, VehicleTopics
+from advpipe.pipeline.v2x.facilities.heard_objects import HeardObject
+from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot
 from advpipe.stages.evaluate.cooperative.fusion import fuse_detections, without_oneself
 from advpipe.stages.evaluate.cooperative.instants import asked_for, fused_instants
 from advpipe.stages.evaluate.cooperative.pair import Alignment, find_pair, misalignment_deg, misalignment_m
@@ -29,6 +34,7 @@ STAMPS_NS = (1_000_000_000, 1_100_000_000, 1_200_000_000)
 DETECTOR = "middle_detector:MiddleDetector"
 MAP_SE3_EGO = se3_from_yaw([5.0, 0.0, 0.0], 0.0)
 MAP_SE3_OTHER = se3_from_yaw([60.0, 0.0, 0.0], np.pi)  # comes towards ego
+POSES = ("true poses", "clean poses")
 CAR = [45.0, 0.0, 1.0, 4.0, 2.0, 2.0, 0.0]
 
 
@@ -56,8 +62,10 @@ def write(
     vehicles=(EGO, OTHER),
     false_from: int = 0,
     false_to: int = 3,
+    heard_m: float | None = None,
 ) -> Path:
-    """`shift_m`: by how much the other's reported place is off, in these of the three frames."""
+    """`shift_m`: by how much the other's reported place is off, in these of the three frames. `heard_m`: how
+    far ahead of the car's true place a CPM reports it, None without CPMs."""
     ground = np.array([[20.0, 3.0, 0.0]] * 9)  # the ego sees the road only
     seen = {EGO: (MAP_SE3_EGO, ground), OTHER: (MAP_SE3_OTHER, corners())}
     with BagWriter(path, provenance={"kind": "clean"}) as bag:
@@ -69,6 +77,8 @@ def write(
         for frame, stamp_ns in enumerate(STAMPS_NS):
             is_false = false_from <= frame < false_to
             car = Boxes(np.array([CAR]), np.zeros(1, np.int64), ("car",), np.zeros((1, 3)))
+            if heard_m is not None:
+                bag.write_cdr(EGO.heard_objects, heard_objects_cdr(report(stamp_ns, heard_m)), stamp_ns)
             bag.write(EGO.objects, build.detections_message(stamp_ns, "map", car), stamp_ns)
             for one in vehicles:
                 pose, map_m = seen[one]
@@ -84,6 +94,40 @@ def write(
                 cdr = cloud_to_cdr(cloud_of(map_m, pose), stamp_ns, one.lidar_frame)
                 bag.write_cdr(one.lidar_points, cdr, stamp_ns)
     return path
+
+
+def report(now_ns: int, shift_m: float) -> LdmSnapshot:
+    """A map with the car, which stands, as two stations report it; and with something that is no car."""
+    x_m, y_m, z_m, *size_m, yaw_rad = CAR
+    car = HeardObject(
+        *(7, 1, "car", now_ns - 10**8, now_ns),
+        centre_m=(x_m + shift_m, y_m, z_m),
+        yaw_rad=yaw_rad,
+        velocity_mps=(0.0, 0.0),
+        length_m=size_m[0],
+        width_m=size_m[1],
+        height_m=size_m[2],
+    )
+    heard = (car, replace(car, station_id=8), replace(car, object_id=2, label="tram"))
+    return LdmSnapshot(now_ns, (), {}, heard)
+
+
+def test_cpms_tell_of_a_car_that_the_vehicle_does_not_see(tmp_path: Path) -> None:
+    """Two reports of one car are one; reported 1 m off, as above; poses are all true."""
+    clean = write(tmp_path / "clean", heard_m=0.0)
+    attacked = write(tmp_path / "cpm-shift", heard_m=1.0)
+    label = dict.fromkeys(OBJECT_COLUMNS, 0) | {"attack": "cpm-shift", "action": "changed"}
+    times_ns = STAMPS_NS[0], STAMPS_NS[-1]
+    write_object_labels(attacked, [{**label, "time_ns": time_ns} for time_ns in times_ns])
+    (section,) = cooperative_sections(clean, [attacked], 0, DETECTOR)
+    found = {(row["poses"], row["fusion"]): (row["ap_strict"], row["ap_loose"]) for row in rows_of(section)}
+    assert found == {
+        ("alone", ""): (0, 0),
+        **{(name, fusion): (1, 1) for name in POSES for fusion in ("clouds", "detections")},
+        ("clean poses", "CPMs"): (1, 1),
+        ("cpm-shift", "CPMs"): (0, 1),
+    }
+    assert not section.pictures  # no pose is false
 
 
 def test_precision_by_hand(tmp_path: Path) -> None:
@@ -199,8 +243,8 @@ def test_frames_at_which_all_poses_are_right_need_no_detector(tmp_path: Path) ->
     clean = write(tmp_path / "clean")
     attacked = write(tmp_path / "paa", (1.0, 0.0), false_from=1)
     (section,) = cooperative_sections(clean, [attacked], 0, "there is none", frames=FrameSlice(0, 1))
-    expected = "No pose is false in the frames 0:1:1, so nothing was fused. Choose later or more frames."
-    assert section.lead == expected
+    expected = "No pose and no CPM is false in the frames 0:1:1, so nothing was fused."
+    assert section.lead.startswith(expected)
     assert not section.records
     with pytest.raises(AdvpipeError, match="select none of the bag's 3 frames"):
         cooperative_sections(clean, [attacked], 0, DETECTOR, frames=FrameSlice(7, 9))

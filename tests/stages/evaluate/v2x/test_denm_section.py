@@ -16,6 +16,7 @@ from advpipe.stages.attack.run import attack
 from advpipe.stages.evaluate.v2x.denm_section import denm_sections
 from advpipe.stages.evaluate.v2x.ldm_error import ldm_error, moments
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
+from advpipe.stages.evaluate.v2x.section import v2x_sections
 from advpipe.stages.simulate.run import simulate
 from advpipe.stages.verify.run import verify
 
@@ -58,6 +59,14 @@ def test_false_and_suppressed_events_are_counted(clean: Path, bags: list[Path]) 
     assert suppressed.false_events == 0
     assert suppressed.recall > 0.2
     assert section.tables[0].lines[1][:2] == ("denm-false", "ego")
+
+
+def test_attacks_on_warnings_are_no_attacks_on_cams(clean: Path, bags: list[Path]) -> None:
+    (found,) = v2x_sections(clean, bags)
+    assert [record.attack for record in found.records] == ["", "denm-false", "denm-suppress"]
+    assert not any(record.attacks for record in found.records)
+    assert {table.title for table in found.tables}.isdisjoint({"Detection of false messages"})
+    assert found.notes[0].startswith("denm-false, denm-suppress: no CAM is attacked")
 
 
 def test_verify_finds_no_fault(clean: Path, bags: list[Path]) -> None:

@@ -45,6 +45,8 @@ def test_an_outsider_is_stopped_and_an_insider_is_not(signed: Path) -> None:
     assert [(one.reason, one.messages) for one in outsider.rejected] == [("unsigned", outsider.received)]
     assert others.received + insider.received == clean.received
     assert found.tables[0].lines[3][:3] == ("none", "cam-position-offset", "outsider")
+    (printed,) = found.terminal
+    assert printed.lines[3] == ("none", "outsider", f"{outsider.received:,}", "0", "100.0")
     assert found.lead.startswith("Of outsiders' messages, receivers rejected 100.0 %.")
     (judged,) = v2x_sections(signed, bags)
     scored = {record.bag: record.false_messages for record in judged.records}
