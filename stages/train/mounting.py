@@ -45,7 +45,7 @@ def slope(frame: TrainingFrame, slope_rad: float, bearing_rad: float, begins_m: 
         new[:, 2] += np.tan(slope_rad) * np.maximum(places[:, :2] @ ahead - begins_m, 0)
         return new
 
-    points = risen(frame.points).astype(np.float32)
+    points = risen(frame.points.astype(np.float64)).astype(np.float32)
     return replace(frame, points=points, boxes=risen(frame.boxes), ignored=risen(frame.ignored))
 
 

@@ -65,7 +65,7 @@ class BatchGradients:
         loader = DataLoader(
             PreparedBatches(self._examples),
             batch_size=None,
-            sampler=count(step),  # type: ignore[arg-type]
+            sampler=count(step),
             num_workers=self._processes,
             prefetch_factor=AHEAD if self._processes else None,
             # A process that holds a GPU may not fork.

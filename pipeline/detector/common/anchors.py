@@ -7,6 +7,7 @@ from math import pi
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.detector.common.preset import AnchorPreset
@@ -178,7 +179,7 @@ def decode_boxes(code: Tensor, anchors: Tensor) -> Tensor:
     return torch.cat(
         [
             code[:, :3] * scale + anchors[:, :3],
-            torch.exp(code[:, 3:6].clamp(-3, 3)) * anchors[:, 3:6],
+            torch.exp(F.hardtanh(code[:, 3:6], -3.0, 3.0)) * anchors[:, 3:6],
             code[:, 6:] + anchors[:, 6:],
         ],
         dim=1,

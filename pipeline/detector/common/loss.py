@@ -103,8 +103,14 @@ def aligned_iou(boxes: Tensor, truth: Tensor) -> Tensor:
     offset = torch.stack([c * x + s * y, c * y - s * x, z], dim=1)
     low = torch.maximum(offset - boxes[:, 3:6] / 2, -truth[:, 3:6] / 2)
     high = torch.minimum(offset + boxes[:, 3:6] / 2, truth[:, 3:6] / 2)
-    common = (high - low).clamp(min=0).prod(1)
-    return common / (boxes[:, 3:6].prod(1) + truth[:, 3:6].prod(1) - common)
+    common = _volume(torch.relu(high - low))
+    return common / (_volume(boxes[:, 3:6]) + _volume(truth[:, 3:6]) - common)
+
+
+def _volume(sizes: Tensor) -> Tensor:
+    """Of boxes of these sizes (K, 3); `prod` would divide by them in its gradient."""
+    length, width, height = sizes.unbind(1)
+    return length * width * height
 
 
 def focal_losses(scores: Tensor, targets: Sequence[Targets], cloud_of: Tensor) -> tuple[Tensor, Tensor]:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from advpipe.pipeline.core.section import Number, Positive, Probability, Section, Whole
+from advpipe.pipeline.core.section import Number, Probability, Section, Whole
 
 Float32 = npt.NDArray[np.float32]
 
@@ -19,11 +19,11 @@ class IntensityResponse(Section):
     The default reports the signal itself: calibrated reflectivity.
     """
 
-    scale: Positive = Field(1.0, le=100, description="intensity of a signal of 1")
-    exponent: Number = Field(1.0, gt=0, le=4, description="below 1, weak signals are raised")
+    scale: Number = Field(1.0, ge=0.01, le=100, description="intensity of a signal of 1")
+    exponent: Number = Field(1.0, ge=0.05, le=4, description="below 1, weak signals are raised")
     threshold: Probability = Field(0.0, description="signal below which the intensity is 0, at short range")
-    threshold_range_m: Positive = Field(
-        100.0, le=1000, description="range at which the threshold has doubled"
+    threshold_range_m: Number = Field(
+        100.0, ge=1, le=1000, description="range at which the threshold has doubled"
     )
     levels: Whole = Field(0, ge=0, le=65_535, description="steps of the intensity from 0 to 1; 0: continuous")
 

@@ -193,7 +193,7 @@ def test_a_batch_stays_a_batch_of_the_inner_detector() -> None:
 
 
 def test_what_shipped_detectors_expect() -> None:
-    assert expected_input_of(load_detector("small")) == ExpectedInput(1.8, 1.0)
+    assert expected_input_of(load_detector("small")) == ExpectedInput(1.8, 1.0, 0.4, 0.035)
 
 
 class Silent(Nearest):

@@ -11,13 +11,16 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from cells import cell
 
+from advpipe.pipeline.campaigns.sweep import ingredients
 from advpipe.pipeline.campaigns.sweep.caveats import NOT_SURE, sweep_caveats
-from advpipe.pipeline.detector.registry import detector_sha256
 from advpipe.pipeline.results.deprecated import new_key
 from advpipe.stages.evaluate.report.report import FORMULAS
 from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OLDER_BASELINES
 
 REPORTS = Path(__file__).parents[4] / "datasets" / "reports"
+
+
+MEASURED_SHA256 = json.loads(ingredients.PATH.read_text())["detach"]["detector_sha256"]
 
 
 def paper(weight, rms_m=0.0022262942):
@@ -39,7 +42,7 @@ def test_recipe_paper_is_said_to_hold_its_points():
 def test_the_measured_robust_is_said_to_be_the_earlier_one():
     made = cell("detach-1", 50.0, recipe="robust")
     assert NOT_SURE not in sweep_caveats([made])  # of a detector that was not measured
-    measured = replace(made, settings=replace(made.settings, detector_sha256=detector_sha256("small")))
+    measured = replace(made, settings=replace(made.settings, detector_sha256=MEASURED_SHA256))
     assert NOT_SURE in sweep_caveats([measured])
 
 
@@ -54,7 +57,7 @@ def test_random_best_is_named_and_where_it_was_measured_so_are_its_figures():
     ):
         caveats = sweep_caveats(cells)
         assert [text for text in caveats if text in (ABOUT_BASELINES, OLDER_BASELINES)] == stated
-    measured = replace(made, settings=replace(made.settings, detector_sha256=detector_sha256("small")))
+    measured = replace(made, settings=replace(made.settings, detector_sha256=MEASURED_SHA256))
     (figures,) = [text for text in sweep_caveats([measured]) if "recipe random-best leaves" in text]
     for pair in ("76.6 % against 34.4 %", "53.7 % against 28.6 %", "66.3 % against 11.1 %"):
         assert pair in figures

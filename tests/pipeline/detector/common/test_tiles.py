@@ -150,7 +150,7 @@ def test_the_empty_map_is_no_part_of_a_checkpoint():
     names = set(net.state_dict())
     occupied = torch.zeros(1, 32, 32)
     occupied[0, 3, 5] = 1
-    net._occupied_map(torch.zeros(1, 64, 32, 32), occupied)
+    net._occupied_map(torch.zeros(1, 128, 32, 32), occupied)
     assert net._occupied_map._empty is not None
     assert set(net.state_dict()) == names
 
