@@ -24,6 +24,7 @@ def test_a_tracker_follows_changes_without_a_silence(tmp_path: Path) -> None:
     (section,) = privacy_sections(clean)
     assert section.records == (record,)
     assert section.tables[0].lines[-1][0] == "11 or more"
+    assert f"follows {record.linked:,} of {record.changes:,} " in section.terminal[0].title
     report = evaluate(clean, (), tmp_path / "report")  # as the documentation does, without any LiDAR
     assert [each.key for each in report.sections] == ["privacy"]
 
