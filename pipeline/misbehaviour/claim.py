@@ -27,7 +27,8 @@ class Claim(NamedTuple):
     negative backwards. position_m, speed_confidence_mps,
     heading_confidence_rad: claimed half-widths at 95 %. invalid: number of required fields that are out of
     range or missing; a message that is not a CAM has only this, and station id -1.
-    off_road_m, wrong_way_rad: see `RoadMap.measure`.
+    off_road_m, wrong_way_rad: see `RoadMap.measure`. may_be_known: a new station id that may be the next
+    pseudonym of a station that was heard before (`PseudonymLinks`).
     """
 
     station_id: int
@@ -48,6 +49,7 @@ class Claim(NamedTuple):
     invalid: int = 0
     off_road_m: float = math.nan
     wrong_way_rad: float = math.nan
+    may_be_known: bool = False
 
     @property
     def is_cam(self) -> bool:

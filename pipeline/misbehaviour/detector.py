@@ -76,7 +76,8 @@ class OnlineDetector:
         values["branch"] = float(continues_suspect)
         self._measure_alone(values, claim, receiver)
         if track is None:
-            if (claim.arrival_ns - self._first_ns) / 1e9 > self._config.settle_s:
+            is_settled = (claim.arrival_ns - self._first_ns) / 1e9 > self._config.settle_s
+            if is_settled and not claim.may_be_known:
                 values["appearance"] = checks.appearance_m(claim, receiver, self._config.earshot_m)
         else:
             self._measure_change(values, claim, track)

@@ -64,3 +64,8 @@ class PseudonymRules(Section):
                 f"silent_min_s {self.silent_min_s:g} is above silent_max_s {self.silent_max_s:g}"
             )
         return self
+
+    @property
+    def longest_silence_s(self) -> float:
+        """For how long at most a station sends nothing before its next pseudonym."""
+        return self.silent_max_s if self.strategy == "silent_period" else 0.0

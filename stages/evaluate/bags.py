@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.frames import count_frames, refuse_without_ground_truth
 from advpipe.pipeline.bag.provenance_record import Provenance
+from advpipe.pipeline.bag.pseudonyms import read_pseudonyms
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
 from advpipe.pipeline.core.errors import UsageError
@@ -21,7 +23,8 @@ class Bags:
     """A clean bag and adversarial versions of it, with the record of each.
 
     on_clouds: the adversarial bags whose attacks changed clouds; detectors see no others.
-    has_clouds_to_score: whether detectors see any cloud; without adversarial bags, they see the clean ones.
+    has_clouds_to_score: whether detectors see any cloud; without adversarial bags, they see the clean ones,
+    unless it is a drive without LiDARs whose stations change pseudonyms.
     """
 
     clean: Path
@@ -47,7 +50,7 @@ class Bags:
                     f"two adversarial bags are named {name}; rename one, the report identifies them by name"
                 )
         on_clouds = {bag: about for bag, about in provenances.items() if touches_clouds(about)}
-        has_clouds_to_score = bool(on_clouds) or not provenances
+        has_clouds_to_score = bool(on_clouds) or not (provenances or _is_about_privacy_alone(reader))
         if has_clouds_to_score:
             refuse_without_ground_truth(clean, options.lidar_topic)
             options.frames.indices(count_frames(clean, options.lidar_topic))  # refuses a bag without clouds
@@ -64,3 +67,8 @@ class Bags:
                     f"not {clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew "
                     f"since, attack again with {option_name('overwrite', True)} or remove that folder"
                 )
+
+
+def _is_about_privacy_alone(clean: BagReader) -> bool:
+    """Whether a bag has no LiDAR, but changes of pseudonyms, which the tracker of `privacy` follows."""
+    return not lidar_topics(clean) and bool(read_pseudonyms(clean))

@@ -63,8 +63,11 @@ def viewer_scenes(
 ) -> list[ViewerScene]:
     """The worst frame of the strongest attack, two others, and the worst ones of other attacks.
 
-    The strongest attack has the lowest mAP ratio. Without attacks, they are frames of the clean bag.
+    The strongest attack has the lowest mAP ratio. Without attacks, they are frames of the clean bag; where
+    no detector saw clouds, there are none.
     """
+    if not summaries:
+        return []
     order = sorted(summaries, key=_map_ratio)
     chosen = [(summary, frame) for summary in order[:1] for frame in worst_frames(summary, WORST)]
     worst = [frame for _, frame in chosen]

@@ -95,8 +95,15 @@ def privacy_sections(clean: Path, adversarial: Sequence[Path] = ()) -> tuple[Rep
             tables=(Table("The tracker's success by density", heads, lines, NOTE),),
             records=(record,),
             formulas=(FORMULA,),
+            terminal=(Table(_overview(record), heads, lines),),
         ),
     )
+
+
+def _overview(record: PrivacyRecord) -> str:
+    """The figure itself, for a terminal."""
+    share = formatted_number(100 * record.success, 1)
+    return f"Privacy: a tracker follows {record.linked:,} of {record.changes:,} new pseudonyms ({share} %)"
 
 
 def privacy_record(reader: BagReader) -> PrivacyRecord:

@@ -98,7 +98,7 @@ def read_receptions(
             [cams[one.payload] for one in received], arrivals_ns, recording.geodesy, roads
         )
         if recording.has_pseudonyms and is_linked:
-            claims = PseudonymLinks().linked(claims)
+            claims = PseudonymLinks(recording.silence_s).linked(claims)
         receivers = _receivers(reader, name, station_id, around[name].places, arrivals_ns, window.last_ns)
         found.append(
             ListenerReceptions(

@@ -19,13 +19,14 @@ class V2xRecording:
 
     geodesy: of the map. expiry_s: of entries in Local Dynamic Maps. listeners: station ids of the vehicles
     whose receptions are recorded, by name; None where the bag does not record the id. has_pseudonyms: whether
-    stations change their pseudonyms.
+    stations change their pseudonyms. silence_s: for how long at most they send nothing before a change.
     """
 
     geodesy: Geodesy
     expiry_s: float
     listeners: dict[str, int | None]
     has_pseudonyms: bool = False
+    silence_s: float = 0.0
 
 
 def read_recording(reader: BagReader, until_ns: int | None = None) -> V2xRecording:
@@ -40,11 +41,13 @@ def read_recording(reader: BagReader, until_ns: int | None = None) -> V2xRecordi
         )
     info: ReceiversInfo = read_scenario_info(reader, ReceiversInfo)
     origin = info.map.origin
+    rules = info.v2x.pseudonyms
     ids = {name: number for number, name in read_stations(reader, until_ns).items()}
     instrumented = ids.keys() & info.vehicles.keys()
     return V2xRecording(
         Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m),
         info.v2x.ldm.expiry_s,
         {name: ids.get(name) for name in sorted({*instrumented, *receiving_vehicles(reader)})},
-        info.v2x.pseudonyms is not None,
+        rules is not None,
+        0.0 if rules is None else rules.longest_silence_s,
     )

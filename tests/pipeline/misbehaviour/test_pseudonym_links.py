@@ -40,6 +40,36 @@ def test_an_id_that_goes_on_after_it_was_continued_is_the_same_station_still() -
     assert ids(claim(1, 0, 0), claim(2, 0.5, 5), claim(1, 0.6, 6), claim(2, 0.7, 7)) == [1, 1, 1, 1]
 
 
+def known(silence_s: float, *claims: Claim) -> list[bool]:
+    """Whether each may be a station that was heard before; a first message 60 s before them."""
+    far = claim(99, -60, 5000, length_m=12.0)
+    return [one.may_be_known for one in PseudonymLinks(silence_s).linked([far, *claims])][1:]
+
+
+def test_who_turns_while_it_is_silent_may_be_known_but_is_not_linked() -> None:
+    after_turn = claim(2, 2.5, 12, y_m=10)._replace(yaw_rad=math.pi / 2)
+    assert ids(claim(1, 0, 0), after_turn) == [1, 2]
+    assert known(3.0, claim(1, 0, 0), after_turn) == [False, True]
+    assert known(0.0, claim(1, 0, 0), after_turn) == [False, False]  # nobody falls silent there
+
+
+def test_a_silent_station_explains_one_new_id_of_its_size_within_its_reach() -> None:
+    beside = claim(2, 2.5, 0, y_m=20)
+    assert known(3.0, claim(1, 0, 0), beside, beside._replace(station_id=3)) == [False, True, False]
+    assert known(3.0, claim(1, 0, 0), beside._replace(length_m=5.0)) == [False, False]
+    assert known(3.0, claim(1, 0, 0), beside._replace(y_m=60.0)) == [False, False]
+    late = claim(2, 9.0, 0, y_m=20)
+    assert known(3.0, claim(1, 0, 0), late) == [False, False]
+    sending = claim(1, 2.0, 20)
+    assert known(3.0, claim(1, 0, 0), sending, beside) == [False, False, False]
+
+
+def test_at_first_any_id_may_be_that_of_a_station_that_was_silent_before() -> None:
+    first, second, third = claim(1, 0, 0), claim(2, 4, 500), claim(3, 6, 900)
+    found = PseudonymLinks(3.0).linked([first, second, third])
+    assert [one.may_be_known for one in found] == [True, True, False]
+
+
 def test_messages_without_a_place_stay_as_they_are() -> None:
     bad = Claim(-1, 5, 5)
     assert PseudonymLinks().linked([bad, claim(1, 0, 0), claim(2, 0.5, math.nan)])[0] is bad

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.evaluate.v2x.privacy import privacy_record, privacy_sections
 from advpipe.stages.simulate.run import simulate
 
@@ -23,6 +24,9 @@ def test_a_tracker_follows_changes_without_a_silence(tmp_path: Path) -> None:
     (section,) = privacy_sections(clean)
     assert section.records == (record,)
     assert section.tables[0].lines[-1][0] == "11 or more"
+    assert f"follows {record.linked:,} of {record.changes:,} " in section.terminal[0].title
+    report = evaluate(clean, (), tmp_path / "report")  # as the documentation does, without any LiDAR
+    assert [each.key for each in report.sections] == ["privacy"]
 
 
 def test_a_drive_without_pseudonyms_has_no_section(smoke: Path) -> None:
