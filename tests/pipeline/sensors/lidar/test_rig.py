@@ -29,7 +29,8 @@ sensors:
       {weak_noise_m: 0, beam_divergence_deg: 0, ring_elevation_stddev_deg: 0, ring_range_stddev_m: 0}}
     front: {vehicle: ego, preset: vlp-16, x_m: 2.0, z_m: 0.9, yaw_deg: 10, noise_stddev: 0,
       imperfections: *sharp}
-    roof: {vehicle: truck_1, channels: 16, points_per_second: 57600, rotation_frequency: 5, z_m: 3.6}
+    roof: {vehicle: truck_1, channels: 16, points_per_second: 57600, rotation_frequency: 5, z_m: 3.6,
+      noise_stddev: 0, imperfections: *sharp}
 """
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,11 @@ from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.sensors.lidar.imperfections import IDEAL
 from advpipe.stages.simulate.run import simulate
 
 FEW = ("simulation.duration_s=0.3", "sensors.lidars.lidar.noise_stddev=0", "v2x.enabled=false")
+EXACT = f"sensors.lidars.lidar.imperfections={json.dumps(IDEAL.model_dump())}"
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +25,7 @@ def in_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_lidar_works_in_a_users_flat_world(tmp_path: Path) -> None:
-    scenario = load_scenario("smoke", ["world=flat_world:Flat", *FEW])
+    scenario = load_scenario("smoke", ["world=flat_world:Flat", *FEW, EXACT])
     summary = simulate(scenario, tmp_path / "drive")
     frames = list(read_frames(tmp_path / "drive" / "clean"))
     assert len(frames) == 3

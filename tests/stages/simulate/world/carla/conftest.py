@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from advpipe.pipeline.sensors.lidar.imperfections import IDEAL
+
 SCENARIO = """
 name: small
 simulation: {seed: 3, duration_s: 0.4, warmup_s: 3}
@@ -22,8 +24,9 @@ sensors:
   lidars:
     lidar:
       {z_m: 2.6, channels: 16, points_per_second: 96000, upper_fov: 2, lower_fov: -14,
-       dropoff_general_rate: 0, dropoff_zero_intensity: 0, noise_stddev: 0}
-"""
+       dropoff_general_rate: 0, dropoff_zero_intensity: 0, noise_stddev: 0, imperfections: IDEAL}
+""".replace("IDEAL", json.dumps(IDEAL.model_dump()))
+"""The imperfections are the embedded world's; CARLA's LiDAR has none of them."""
 
 
 class StandIn:

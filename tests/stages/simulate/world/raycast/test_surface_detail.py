@@ -10,7 +10,12 @@ import pytest
 from advpipe.stages.simulate.world.raycast.materials import MATERIAL_ID
 from advpipe.stages.simulate.world.raycast.scene import Scene
 from advpipe.stages.simulate.world.raycast.shapes import quad
-from advpipe.stages.simulate.world.raycast.surface_detail import ROUGHNESS, DetailMap
+from advpipe.stages.simulate.world.raycast.surface_detail import (
+    PAINT_GLOSS,
+    ROUGHNESS,
+    TRIM_GLOSS,
+    DetailMap,
+)
 
 MAP = DetailMap(np.array([3.0, 8.0]))
 COUNT = 100_000
@@ -48,7 +53,9 @@ def test_bodies_have_gloss_and_no_pattern() -> None:
     detail = seen("paint_grey", fixed=False)
     assert (detail.texture == 1).all()
     assert not detail.relief_m.any()
-    assert (detail.gloss > 0.9).all()
+    assert detail.gloss == pytest.approx(PAINT_GLOSS)
+    assert 0 < TRIM_GLOSS < PAINT_GLOSS < 1
+    assert seen("rim", fixed=False).gloss == pytest.approx(TRIM_GLOSS)
     assert not seen("interior", fixed=False).gloss.any()
 
 
