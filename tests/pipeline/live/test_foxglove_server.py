@@ -97,8 +97,8 @@ def test_channels_and_messages(server: FoxgloveServer) -> None:
 
 def test_a_step_of_many_messages_arrives_whole(server: FoxgloveServer) -> None:
     with viewer(server) as one:
+        server.publish("/info", words("begin"), 0)  # before: what is kept comes once, on subscribing
         one.subscribe("/words", "/info")
-        server.publish("/info", words("begin"), 0)
         assert one.next()[0] == "/info"
         for number in range(200):
             server.publish("/words", words(str(number)), number)
@@ -121,8 +121,8 @@ def test_a_slow_viewer_misses_the_oldest_and_memory_is_bounded(server: FoxgloveS
     (raw, *_) = BagReader(shipped_sample() / "clean").raw_messages(["/ego/lidar/points"])
     server.advertise(PublishedTopic(raw.topic, raw.schema))
     with viewer(server, 4) as slow:
-        slow.subscribe(raw.topic.name, "/info")
         server.publish("/info", words("begin"), 0)
+        slow.subscribe(raw.topic.name, "/info")
         assert slow.next()[0] == "/info"
         for number in range(4 * BACKLOG):
             server.publish(raw.topic.name, raw.cdr, number)

@@ -22,13 +22,14 @@ from small_drive import (
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.dataset.sample import shipped_sample
 from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.cloud import cloud_to_cdr
 from advpipe.pipeline.messages.v2x import udp_packet_cdr
+from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.investigate.evidence_topics import find_evidence
 from advpipe.stages.investigate.page import investigation_page
 from advpipe.stages.investigate.run import investigate
+from advpipe.stages.simulate.run import simulate
 
 WITH_GHOST = Lies(ghost=True)
 
@@ -80,8 +81,11 @@ def test_what_no_vehicle_knows_changes_no_byte_of_the_answer(tmp_path: Path) -> 
     assert str(GHOST) in whole
 
 
-def test_of_the_shipped_sample_only_what_the_vehicle_had_is_read() -> None:
-    read = find_evidence(BagReader(shipped_sample() / "clean")).kinds
+def test_of_a_simulated_drive_only_what_the_vehicle_had_is_read(tmp_path: Path) -> None:
+    coarse = ("sensors.lidars.lidar.channels=2", "sensors.lidars.lidar.points_per_second=4000")
+    settings = (*coarse, "simulation.duration_s=1", "v2x.penetration=1")
+    drive = simulate(load_scenario("smoke", settings), tmp_path / "drive").bag
+    read = find_evidence(BagReader(drive)).kinds
     sensed = ("lidar/points", "gnss/fix", "wheel/odometry", "imu", "odometry", "initialpose")
     received = ("v2x/rx/raw", "v2x/rx/info")
     assert set(read) == {

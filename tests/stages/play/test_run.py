@@ -59,10 +59,12 @@ def test_a_bag_to_ros_2() -> None:
         samples, publications = seen()
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
-    assert (said["messages"], said["dropped"], said["loops"]) == (74, 0, 1)
+    recorded = BagReader(Path(SAMPLE)).topics
+    messages = sum(topic.count for topic in recorded.values())
+    assert (said["messages"], said["dropped"], said["loops"]) == (messages, 0, 1)
     assert said["recorded_s"] == pytest.approx(0.2, abs=0.01)
     assert [sum(one["topic"] == name for one in samples) for name, *_ in topics] == [3, 3]
-    assert len(publications) == len(said["topics"]) == 24
+    assert len(publications) == len(said["topics"]) == len(recorded) > 15
 
 
 @pytest.mark.oracle
@@ -73,7 +75,7 @@ def test_a_bag_to_foxglove_again_and_again_until_it_is_stopped() -> None:
         url = wait_for_address(process)
         with connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as viewer:  # type: ignore[list-item]
             channels: list[dict[str, object]] = []
-            while len(channels) < 24:
+            while len(channels) < len(BagReader(Path(SAMPLE)).topics):
                 channels += json.loads(viewer.recv(timeout=20)).get("channels", [])
             (wanted,) = [one["id"] for one in channels if one["topic"] == "/ego/lidar/points"]
             viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": wanted}]}))

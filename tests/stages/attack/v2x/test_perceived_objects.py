@@ -73,7 +73,7 @@ def test_heard_objects_are_where_road_users_are(drive: BagReader) -> None:
             if np.hypot(*(place_m - at_m)) < 50:
                 there_m = np.concatenate([users[time_ns], at_m[None]])
                 away_m.append(np.hypot(*(there_m - place_m).T).min())
-    assert len(away_m) > 50
+    assert len(away_m) > 30
     assert np.quantile(away_m, 0.95) < 1.2  # by the senders' headings, and 0.2 m of noise
     assert np.median(away_m) < 0.5
 
