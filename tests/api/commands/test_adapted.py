@@ -53,12 +53,14 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Record:
 
 
 def found_by(bag: Path, adaptation: Adaptation | None = None) -> int:
-    """How many objects `small` finds in the first cloud."""
+    """How many objects `small` finds in the three clouds."""
     detector = CachedDetector(adapted_detector(load_detector("small"), adaptation or Adaptation()))
-    (frame,) = read_frames(bag, FrameSlice(0, 1))
-    truth = ground_truth(frame, detector.classes, detector.range_m)
-    matches = match(truth, detector.detect(frame.cloud), detector.classes, ("loose",))
-    return int(found_objects(truth, matches, 0.2).sum())
+    found = 0
+    for frame in read_frames(bag):
+        truth = ground_truth(frame, detector.classes, detector.range_m)
+        matches = match(truth, detector.detect(frame.cloud), detector.classes, ("loose",))
+        found += int(found_objects(truth, matches, 0.2).sum())
+    return found
 
 
 def notices(bag: Path, capsys: pytest.CaptureFixture[str], adaptation: Adaptation | None = None) -> list[str]:
@@ -71,14 +73,14 @@ def notices(bag: Path, capsys: pytest.CaptureFixture[str], adaptation: Adaptatio
 
 def test_a_raised_lidar_costs_recall_and_the_options_bring_it_back(recorded: Record) -> None:
     raised, before = recorded(up_m=3.2), found_by(CLEAN)
-    assert found_by(raised) < 0.5 * before
+    assert found_by(raised) < 0.2 * before
     assert found_by(raised, Adaptation(5.0)) == before
-    assert found_by(raised, Adaptation(level=True)) >= 0.85 * before
-    assert found_by(recorded(up_m=0.3, pitch_rad=0.08), Adaptation(level=True)) >= 0.85 * before
+    assert found_by(raised, Adaptation(level=True)) >= 0.8 * before
+    assert found_by(recorded(up_m=0.3, pitch_rad=0.08), Adaptation(level=True)) >= 0.8 * before
 
 
 def test_what_is_tolerated_costs_little(recorded: Record) -> None:
-    assert found_by(recorded(up_m=0.4)) >= 0.85 * found_by(CLEAN)
+    assert found_by(recorded(up_m=0.4)) >= 0.65 * found_by(CLEAN)
 
 
 def test_bright_clouds(recorded: Record) -> None:
