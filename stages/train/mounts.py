@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import repeat
 from pathlib import Path
 
 from advpipe.pipeline.bag.frames import count_frames, find_lidar_topic
@@ -25,8 +26,8 @@ def drive_mount(bag: Path, expected: ExpectedInput | None) -> StoredMount:
 def mounts_of_frames(bags: Iterable[Path], expected: ExpectedInput | None) -> Iterator[StoredMount]:
     """The mount of every frame of the bags, in their order."""
     for bag in bags:
-        mount = drive_mount(bag, expected)
-        yield from (mount for _ in range(count_frames(bag)))
+        if frames := count_frames(bag):
+            yield from repeat(drive_mount(bag, expected), frames)
 
 
 def expected_height(expected: ExpectedInput | None) -> Mapping[str, str]:

@@ -289,3 +289,11 @@ def test_weights_are_frozen(tiny, scene):
 def test_a_network_in_training_mode_is_frozen_by_second():
     net = SecondNet(SMALL).train()
     assert not Second(net).net.training
+
+
+def test_the_place_of_a_mean_in_its_voxel_is_an_input(tiny):
+    """x: 2 cm before the middle of its 10 cm; y: 3 cm beyond; z: 2.1 m, or 11.67 voxels, above the bottom."""
+    points = torch.tensor([[0.03, -0.02, -1.0, 0.5]])
+    inputs = tiny.net.inputs(tiny.net.voxels([points]))
+    assert inputs.shape == (1, 7)
+    assert inputs[0, 4:].tolist() == pytest.approx([-0.2, 0.3, 2.1 / 0.18 - 11.5], abs=1e-4)
