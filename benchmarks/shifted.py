@@ -20,7 +20,7 @@ import numpy as np
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
 from advpipe.pipeline.geometry.iou import iou_bev
-from advpipe.pipeline.geometry.transforms import Float64, se3, transform_points
+from advpipe.pipeline.geometry.transforms import Float64, se3, se3_from_tilt, transform_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU, average_precision, match_frame
 
@@ -51,10 +51,7 @@ def raised(height_m: float) -> Float64:
 
 def tilted(tilt_deg: float, axis_deg: float) -> Float64:
     """The frame of a sensor that is tilted about a level axis."""
-    tilt, axis = np.deg2rad([tilt_deg, axis_deg])
-    x, y = np.cos(axis), np.sin(axis)
-    across = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
-    return se3(np.eye(3) + np.sin(tilt) * across + (1 - np.cos(tilt)) * across @ across, (0.0, 0.0, 0.0))
+    return se3_from_tilt(np.deg2rad(tilt_deg), np.deg2rad(axis_deg))
 
 
 CONDITIONS: Mapping[str, Float64] = {

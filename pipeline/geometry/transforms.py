@@ -44,6 +44,14 @@ def transform_points(a_SE3_b: Float64, points_b: npt.ArrayLike) -> Float64:
     return np.asarray(points_b, dtype=np.float64) @ a_SE3_b[:3, :3].T + a_SE3_b[:3, 3]
 
 
+def se3_from_tilt(tilt_rad: float, axis_rad: float) -> Float64:
+    """The turn (4, 4) by `tilt_rad` about a level axis, `axis_rad` from x towards y (Rodrigues' formula)."""
+    x, y = np.cos(axis_rad), np.sin(axis_rad)
+    across = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + np.sin(tilt_rad) * across + (1 - np.cos(tilt_rad)) * across @ across
+    return se3(turn, (0.0, 0.0, 0.0))
+
+
 def yaw_of(a_SE3_b: Float64) -> float:
     """The heading in radians, in (-pi, pi], of frame b's x axis in the x-y plane of frame a."""
     return float(np.arctan2(a_SE3_b[1, 0], a_SE3_b[0, 0]))

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from advpipe.pipeline.geometry.transforms import Float64, se3, transform_points
+from advpipe.pipeline.geometry.transforms import Float64, se3, se3_from_tilt, transform_points
 from advpipe.stages.train.config import Augmentation
 from advpipe.stages.train.frames import TrainingFrame
 
@@ -50,11 +50,8 @@ def slope(frame: TrainingFrame, slope_rad: float, bearing_rad: float, begins_m: 
 
 
 def tilt(frame: TrainingFrame, tilt_rad: float, axis_rad: float) -> TrainingFrame:
-    """The frame from a sensor that is tilted about a level axis (Rodrigues' formula)."""
-    x, y = np.cos(axis_rad), np.sin(axis_rad)
-    across = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + np.sin(tilt_rad) * across + (1 - np.cos(tilt_rad)) * across @ across
-    return _moved(frame, se3(turn, (0.0, 0.0, 0.0)))
+    """The frame from a sensor that is tilted about a level axis."""
+    return _moved(frame, se3_from_tilt(tilt_rad, axis_rad))
 
 
 def _moved(frame: TrainingFrame, new_SE3_old: Float64) -> TrainingFrame:
