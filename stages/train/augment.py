@@ -10,7 +10,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.boxes import points_in_boxes
 from advpipe.pipeline.geometry.transforms import Float64, se3, wrap_angle
 from advpipe.stages.train.config import Augmentation
-from advpipe.stages.train.frames import FrameStore, TrainingFrame
+from advpipe.stages.train.frames import FrameStore, TrainingFrame, transformed
 from advpipe.stages.train.mounting import remount
 
 Rng = np.random.Generator
@@ -70,7 +70,7 @@ class ObjectBank:
         new_points = [p for p, ok in zip(points, free, strict=True) if ok]
         return replace(
             frame,
-            points=np.concatenate([frame.points[kept], *new_points]),
+            points=np.concatenate([frame.points.take(np.flatnonzero(kept), axis=0), *new_points]),
             boxes=taken,
             labels=np.concatenate([frame.labels, labels]),
             counts=np.concatenate([frame.counts, counts]),
@@ -115,8 +115,6 @@ def flip(frame: TrainingFrame) -> TrainingFrame:
 
 def _transformed(frame: TrainingFrame, matrix: Float64, yaw_rad: float, sign: int) -> TrainingFrame:
     """The frame, its ground rotated or reflected by a matrix (2, 2); a heading h becomes sign h + yaw_rad."""
-    points = frame.points.copy()
-    points[:, :2] = frame.points[:, :2] @ matrix.T.astype(np.float32)
     new_SE3_old = np.eye(4)
     new_SE3_old[:2, :2] = matrix
 
@@ -128,7 +126,7 @@ def _transformed(frame: TrainingFrame, matrix: Float64, yaw_rad: float, sign: in
 
     return replace(
         frame,
-        points=points,
+        points=transformed(frame.points, new_SE3_old),
         boxes=turned(frame.boxes),
         ignored=turned(frame.ignored),
         coverage=frame.coverage.transformed(new_SE3_old),
@@ -148,7 +146,7 @@ def augment(
     keep = 1 - rng.uniform(0, config.drop)
     points = frame.points
     if config.drop:
-        points = points[rng.random(len(points), dtype=np.float32) < keep]
+        points = points.take(np.flatnonzero(rng.random(len(points), dtype=np.float32) < keep), axis=0)
     # Objects that lose their points are ignored in training.
     frame = replace(frame, points=points, counts=(frame.counts * keep).astype(np.int64))
     if config.flip and rng.random() < 0.5:
@@ -157,16 +155,15 @@ def augment(
     frame = remount(frame, config, rng)
     scale = 1 + rng.uniform(-config.scale, config.scale)
     shift = rng.uniform(-config.shift_voxels, config.shift_voxels, 3) * voxel_size_m
-    frame.points[:, :3] *= np.float32(scale)
-    frame.points[:, :3] += shift.astype(np.float32)
+    moved = se3(scale * np.eye(3), shift)
+    points = transformed(frame.points, moved)
     for boxes in (frame.boxes, frame.ignored):
         boxes[:, :6] *= scale
         boxes[:, :3] += shift
-    moved = se3(scale * np.eye(3), shift)
-    frame = replace(frame, coverage=frame.coverage.transformed(moved))
+    frame = replace(frame, points=points, coverage=frame.coverage.transformed(moved))
     if config.jitter_m:
         sigma = np.float32(rng.uniform(0, config.jitter_m))
-        frame.points[:, :3] += sigma * rng.standard_normal((len(frame.points), 3), dtype=np.float32)
+        points[:, :3] += sigma * rng.standard_normal((len(points), 3), dtype=np.float32)
     gain = np.float32(1 + rng.uniform(-config.intensity, config.intensity))
-    frame.points[:, 3] = np.clip(frame.points[:, 3] * gain, 0, 1)
+    points[:, 3] = np.clip(points[:, 3] * gain, 0, 1)
     return frame

@@ -35,7 +35,7 @@ class Augmentation:
     drop: float = 0.2
     jitter_m: float = 0.02
     intensity: float = 0.3
-    paste: tuple[int, int, int, int] = (5, 4, 8, 7)
+    paste: tuple[int, int, int, int] = (5, 4, 8, 10)
     remounted: float = 0.6
     height_m: float = 0.45
     tilt_rad: float = 0.052

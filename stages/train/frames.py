@@ -18,13 +18,26 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.partial import PartialFolder
 from advpipe.pipeline.geometry.boxes import Boxes, no_boxes, points_in_boxes
 from advpipe.pipeline.geometry.regions import LabelCoverage
-from advpipe.pipeline.geometry.transforms import se3
+from advpipe.pipeline.geometry.transforms import Float64, se3
 from advpipe.pipeline.messages.cloud import Cloud, xyzi
 from advpipe.stages.train.stored_uncounted import StoredUncounted, store_uncounted
 
 _UNCOUNTED = "uncounted.npz"
 
 Points = npt.NDArray[np.float32]
+
+
+def transformed(points: Points, new_SE3_old: Float64) -> Points:
+    """Points (N, 4) whose x, y, z a matrix (4, 4) maps, as a new array.
+
+    Column by column: a matrix product with so small a matrix is slower, and wakes all threads of the BLAS.
+    """
+    matrix = new_SE3_old.astype(np.float32)
+    x, y, z, new = points[:, 0], points[:, 1], points[:, 2], np.empty_like(points)
+    for column, (a, b, c, shift) in enumerate(matrix[:3]):
+        new[:, column] = a * x + b * y + c * z + shift
+    new[:, 3] = points[:, 3]
+    return new
 
 
 class LabelledCloud(Protocol):

@@ -12,7 +12,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64, se3, se3_from_tilt, transform_points
 from advpipe.stages.train.config import Augmentation
-from advpipe.stages.train.frames import TrainingFrame
+from advpipe.stages.train.frames import TrainingFrame, transformed
 
 CREASE_M = (4.0, 40.0)
 """How far from the sensor sloping ground begins."""
@@ -56,9 +56,6 @@ def tilt(frame: TrainingFrame, tilt_rad: float, axis_rad: float) -> TrainingFram
 
 def _moved(frame: TrainingFrame, new_SE3_old: Float64) -> TrainingFrame:
     """The frame in another frame of reference; headings stay."""
-    points = frame.points.copy()
-    points[:, :3] = frame.points[:, :3] @ new_SE3_old[:3, :3].T.astype(np.float32)
-    points[:, :3] += new_SE3_old[:3, 3].astype(np.float32)
 
     def moved(boxes: Float64) -> Float64:
         new = boxes.copy()
@@ -67,7 +64,7 @@ def _moved(frame: TrainingFrame, new_SE3_old: Float64) -> TrainingFrame:
 
     return replace(
         frame,
-        points=points,
+        points=transformed(frame.points, new_SE3_old),
         boxes=moved(frame.boxes),
         ignored=moved(frame.ignored),
         coverage=frame.coverage.transformed(new_SE3_old),

@@ -7,8 +7,13 @@ lists, for each kernel offset, which input row adds to which output row; the lay
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+import shutil
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.util import find_spec
 from math import prod
+from types import ModuleType
 from typing import Any
 
 import torch
@@ -59,6 +64,31 @@ class Rulebook:
     centre: int
     sites: Sites
     """The output's sites."""
+
+    def table(self, offsets: int) -> Tensor:
+        """The input row (offsets, V_out) int32 that adds to each output row through each offset, -1 for
+        none."""
+        return self._tabulated("output", offsets, len(self.sites), [(k, o, i) for k, i, o in self.pairs])
+
+    def table_of_inputs(self, offsets: int, inputs: int) -> Tensor:
+        """The output row (offsets, inputs) int32 to which each input row adds through each offset, -1 for
+        none."""
+        return self._tabulated("input", offsets, inputs, list(self.pairs))
+
+    def _tabulated(
+        self, side: str, offsets: int, rows: int, pairs: list[tuple[int, Tensor, Tensor]]
+    ) -> Tensor:
+        if side not in self._tables:
+            keys = self.sites.keys
+            table = torch.full((offsets, rows), -1, dtype=torch.int32, device=keys.device)
+            if self.centre >= 0:
+                table[self.centre] = torch.arange(rows, dtype=torch.int32, device=keys.device)
+            for k, at, other in pairs:
+                table[k].index_copy_(0, at, other.int())
+            self._tables[side] = table
+        return self._tables[side]
+
+    _tables: dict[str, Tensor] = field(default_factory=dict, compare=False, repr=False)
 
 
 def submanifold_rules(sites: Sites) -> Rulebook:
@@ -122,6 +152,9 @@ class _SparseConvolution(torch.autograd.Function):
     def forward(ctx: Any, features: Tensor, weight: Tensor, rules: Rulebook) -> Tensor:
         ctx.save_for_backward(features, weight)
         ctx.rules = rules
+        if (kernels := _kernels(features)) is not None:
+            made: Tensor = kernels.gathered_products(features, weight, rules.table(len(weight)))
+            return made
         if rules.centre >= 0:
             out = features @ weight[rules.centre]
         else:
@@ -138,6 +171,14 @@ class _SparseConvolution(torch.autograd.Function):
         grad = grad.contiguous()
         to_features, to_weight = ctx.needs_input_grad[:2]
         grad_features = grad_weight = None
+        if (kernels := _kernels(features)) is not None:
+            offsets, inputs = len(weight), len(features)
+            if to_features:
+                table = rules.table_of_inputs(offsets, inputs)
+                grad_features = kernels.gathered_products(grad, weight.transpose(1, 2), table)
+            if to_weight:
+                grad_weight = kernels.weight_products(features, grad, rules.table(offsets))
+            return grad_features, grad_weight, None
         if to_features:
             centre = rules.centre
             grad_features = grad @ weight[centre].T if centre >= 0 else torch.zeros_like(features)
@@ -152,6 +193,25 @@ class _SparseConvolution(torch.autograd.Function):
             if grad_weight is not None:
                 torch.mm(features.index_select(0, i).T, picked, out=grad_weight[k])
         return grad_features, grad_weight, None
+
+
+def _kernels(features: Tensor) -> ModuleType | None:
+    """The kernels that compute such features; None where PyTorch's own operations do."""
+    if features.is_cuda and features.dtype == torch.float32 and _compiles_for(features.device):
+        from advpipe.pipeline.detector.common import sparse_kernels
+
+        return sparse_kernels
+    return None
+
+
+@cache
+def _compiles_for(device: torch.device) -> bool:
+    """Whether Triton is there, the C compiler that it calls, and a GPU that it knows."""
+    compilers = (os.environ.get("CC"), "gcc", "clang")
+    has_compiler = any(shutil.which(each) for each in compilers if each)
+    return (
+        has_compiler and find_spec("triton") is not None and torch.cuda.get_device_capability(device) >= (7,)
+    )
 
 
 def sparse_convolution(features: Tensor, weight: Tensor, rules: Rulebook) -> Tensor:
