@@ -24,7 +24,8 @@ def shadow_features(points: Float64) -> Float64:
     cluster has on average; both as ln(1 + value), (2,)."""
     labels = density_clusters(points, REACH_M, LEAST_POINTS)
     clusters, members = int(labels.max(initial=-1)) + 1, int((labels >= 0).sum())
-    return np.log1p(np.array([clusters, members / max(clusters, 1)]))
+    features: Float64 = np.log1p(np.array([clusters, members / max(clusters, 1)]))
+    return features
 
 
 @dataclass(frozen=True)
