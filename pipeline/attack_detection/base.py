@@ -13,7 +13,7 @@ import numpy.typing as npt
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.protocol import Detections, VoxelGrid
-from advpipe.pipeline.messages.cloud import Cloud
+from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]
@@ -28,7 +28,7 @@ class DefenderKnowledge:
     """What a defender knows beforehand.
 
     clean: some clouds of the sensor that nobody attacked. grid: the voxels of its own detector, if any.
-    detect: its own detector; None gives no detections.
+    detect: its own detector, its labels indices into `geometry.boxes.CLASSES`; None gives no detections.
     """
 
     clean: Sequence[Cloud]
@@ -58,12 +58,14 @@ class Suspicion:
 
     score: the higher, the more suspicious is the cloud; thresholds on it are calibrated on clean clouds.
     points: (N,) the points that it takes for changed; None for a check that judges no points. detections:
-    (K,) scores on the scale of `score`, which is the largest of them; None if it judges none.
+    (K,) scores on the scale of `score`, which is the largest of them; None if it judges none. fake: (K,) the
+    detections that it takes for spoofed by limits of its own, of a published detector; None if it has none.
     """
 
     score: float
     points: Bool | None = None
     detections: Float64 | None = None
+    fake: Bool | None = None
 
 
 class AttackCheck(Protocol):
@@ -74,9 +76,18 @@ class AttackCheck(Protocol):
     """
 
     def __call__(self, cloud: Cloud, detections: Detections) -> Suspicion:
-        """The suspicion on a cloud (N,) with the detections in it; neither is modified."""
+        """The suspicion on a cloud (N,) with its detections, labelled by `geometry.boxes.CLASSES`; neither
+        is modified."""
 
 
-def worst(scores: Float64) -> Suspicion:
-    """The suspicion of a check that judges detections, by their scores (K,); 0 without detections."""
-    return Suspicion(float(scores.max(initial=0.0)), detections=scores)
+def worst(scores: Float64, fake: Bool | None = None) -> Suspicion:
+    """The suspicion of a check that judges detections, by their scores (K,); 0 without detections. fake: (K,)
+    those that it takes for spoofed, if it decides."""
+    return Suspicion(float(scores.max(initial=0.0)), detections=scores, fake=fake)
+
+
+def finite_points(cloud: Cloud) -> Float64:
+    """The coordinates (K, 3) of the returns of a cloud that are finite and not at the sensor."""
+    points = xyz(cloud).astype(np.float64)
+    kept: Float64 = points[np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)]
+    return kept

@@ -92,3 +92,5 @@ def _refuse_invalid(found: Suspicion, points: int, detections: int) -> None:
         raise ValueError(f"points has the shape {found.points.shape}, not ({points},) of bool")
     if found.detections is not None and found.detections.shape != (detections,):
         raise ValueError(f"detections has the shape {found.detections.shape}, not ({detections},)")
+    if found.fake is not None and (found.fake.shape != (detections,) or found.fake.dtype != np.bool_):
+        raise ValueError(f"fake has the shape {found.fake.shape}, not ({detections},) of bool")

@@ -3,78 +3,93 @@ Vehicle 3D Sensing", ESORICS 2021): behind a real object is a shadow without ret
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.attack_detection.base import DefenderKnowledge, Suspicion, worst
+from advpipe.pipeline.attack_detection.base import DefenderKnowledge, Suspicion, finite_points, worst
+from advpipe.pipeline.attack_detection.rehearsal import spoofed_objects
 from advpipe.pipeline.attack_detection.sensor_geometry import Directions
+from advpipe.pipeline.attack_detection.shadow import PolarPoints, Shadow, ShadowReturns
+from advpipe.pipeline.attack_detection.shadow_kind import ShadowKind, shadow_features
 from advpipe.pipeline.detector.protocol import Detections
-from advpipe.pipeline.geometry.boxes import box_corners
-from advpipe.pipeline.geometry.transforms import wrap_angle
-from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.cloud import Cloud
 
 Float64 = npt.NDArray[np.float64]
-
-DECAY = 0.2
-"""Weights halve with each such part of the way through a shadow, along it and across it."""
-
-MAX_LENGTH_M = 40.0
-"""Of the shadows of objects that are as high as the sensor."""
 
 LOOKING_DOWN_RAD = np.deg2rad(-5.0)
 """Rays below this mostly return from the ground."""
 
 
 class ShadowCatcherCheck:
-    """Scores the returns in the shadow of each detection.
+    """Three steps for each detection: its shadow, an anomaly score, and the kind of an anomalous shadow.
 
-    The shadow lies behind the box, between the two lines from the sensor past its outermost corners, below
-    the line over its top, and ends where that meets the ground. Each return in it weighs
-    exp(ln(0.5) / 0.2 * x) for its way x along the shadow, and again for its way from the middle to the side,
-    both in [0, 1]: returns deep behind an object or at its edge may be of something else. The score is the
-    mean weight, scaled to [0, 1], and 0 without returns. The paper then asks a classifier of the clusters of
-    returns which kind of attack it is; that is left out. It was made for spoofed objects of any class.
+    Shadow and score are those of `Shadow` and `ShadowReturns`. A score above a threshold is anomalous: the
+    threshold that tells detections in clean clouds from spoofed ones best, as the paper reads it off a ROC
+    curve. A classifier on the clusters of returns in an anomalous shadow (`shadow_kind`) tells a ghost object
+    from an invalidation attack, which injects returns behind a real object so that it is taken for a ghost.
+    Both are fitted to attacks of the defender's own on the clean clouds (`rehearsal`). `fake` are the ghosts.
+    It was made for spoofed objects of any class.
     """
 
     def __init__(self, knowledge: DefenderKnowledge) -> None:
-        heights = []
-        for cloud in knowledge.clean:
-            way = Directions.of(cloud)
-            is_ground = (way.elevation_rad < LOOKING_DOWN_RAD) & np.isfinite(way.range_m)
-            heights.append(cloud["z"][is_ground])
-        down = np.concatenate(heights)
-        self._ground_m = float(np.median(down)) if len(down) else -np.inf
+        self._ground_m = _ground_m(knowledge.clean)
+        genuine: list[ShadowReturns] = []
+        ghosts: list[ShadowReturns] = []
+        invalidated: list[ShadowReturns] = []
+        for cloud, found in zip(knowledge.clean, knowledge.detections, strict=True):
+            points = finite_points(cloud)
+            seen = PolarPoints.of(points)
+            for box in found.boxes:
+                shadow = Shadow.of(box, self._ground_m)
+                genuine.append(shadow.returns(seen))
+                invalidated.append(genuine[-1].and_others(shadow.injected(self._ground_m)))
+            for each in spoofed_objects(points, found.boxes):
+                ghosts += self._returns(each.points, each.box[None])
+        self.threshold = best_threshold(_scores(genuine), _scores(ghosts))
+        self.kind = ShadowKind.fitted(self._anomalous(ghosts), self._anomalous(invalidated))
 
     def __call__(self, cloud: Cloud, detections: Detections) -> Suspicion:
-        points = xyz(cloud).astype(np.float64)
-        points = points[np.isfinite(points).all(axis=1)]
-        flat_m = np.hypot(points[:, 0], points[:, 1])
-        azimuth = np.arctan2(points[:, 1], points[:, 0])
-        where = (points[:, 2], flat_m, azimuth)
-        scores = [shadow_score(*where, box, self._ground_m) for box in detections.boxes]
-        return worst(np.array(scores))
+        found = self._returns(finite_points(cloud), detections.boxes)
+        fake = [
+            self.is_anomalous(each) and self.kind.is_ghost(shadow_features(each.points)) for each in found
+        ]
+        return worst(_scores(found), np.array(fake, bool) if np.isfinite(self.threshold) else None)
+
+    def is_anomalous(self, found: ShadowReturns) -> bool:
+        """Whether a real object would not have such a shadow."""
+        return found.score > self.threshold
+
+    def _returns(self, points: Float64, boxes: Float64) -> list[ShadowReturns]:
+        """Of points (N, 3), those in the shadow of each box (M, 7)."""
+        seen = PolarPoints.of(points)
+        return [Shadow.of(box, self._ground_m).returns(seen) for box in boxes]
+
+    def _anomalous(self, shadows: Sequence[ShadowReturns]) -> list[Float64]:
+        """The features of those above the threshold."""
+        return [shadow_features(each.points) for each in shadows if self.is_anomalous(each)]
 
 
-def shadow_score(
-    height_m: Float64, flat_m: Float64, azimuth_rad: Float64, box: Float64, ground_m: float
-) -> float:
-    """The score of a box (7,) over a ground of this height; of points (N,) the height, the distance in the
-    plane and the azimuth, all from the sensor."""
-    corners = box_corners(box[None])[0, :4, :2]
-    corner_m = np.hypot(corners[:, 0], corners[:, 1])
-    middle = np.arctan2(box[1], box[0])
-    side = wrap_angle(np.arctan2(corners[:, 1], corners[:, 0]) - middle)
-    first_m, top_m = float(corner_m.max()), float(box[2] + box[5] / 2)
-    edge_m = first_m if top_m < 0 else float(corner_m.min())
-    length_m = MAX_LENGTH_M
-    if ground_m < top_m < 0:
-        length_m = min(MAX_LENGTH_M, first_m * (ground_m / top_m - 1))
-    centre, half = (side.max() + side.min()) / 2, (side.max() - side.min()) / 2
-    across = np.abs(wrap_angle(azimuth_rad - middle) - centre) / max(half, 1e-9)
-    along = (flat_m - first_m) / max(length_m, 1e-9)
-    is_in = (across <= 1) & (along >= 0) & (along <= 1) & (height_m < top_m * flat_m / max(edge_m, 1e-9))
-    if not is_in.any():
-        return 0.0
-    weight = np.exp(np.log(0.5) / DECAY * (across[is_in] + along[is_in]))
-    least = np.exp(2 * np.log(0.5) / DECAY)
-    return float((weight.mean() - least) / (1 - least))
+def best_threshold(genuine: Float64, ghosts: Float64) -> float:
+    """The threshold on scores with the largest sum of the shares of ghosts (G,) above it and of genuine
+    shadows (N,) not above it (Youden 1950); infinite without scores of both."""
+    if not (len(genuine) and len(ghosts)):
+        return float("inf")
+    tried = np.unique(np.concatenate([genuine, ghosts]))
+    right = [(ghosts > limit).mean() + (genuine <= limit).mean() for limit in tried]
+    return float(tried[int(np.argmax(right))])
+
+
+def _ground_m(clean: Sequence[Cloud]) -> float:
+    """The height of the ground from the sensor."""
+    heights = []
+    for cloud in clean:
+        way = Directions.of(cloud)
+        heights.append(cloud["z"][(way.elevation_rad < LOOKING_DOWN_RAD) & np.isfinite(way.range_m)])
+    down = np.concatenate(heights)
+    return float(np.median(down)) if len(down) else -np.inf
+
+
+def _scores(shadows: Sequence[ShadowReturns]) -> Float64:
+    return np.array([each.score for each in shadows])

@@ -116,6 +116,14 @@ class AttackDetectionRecord(_OfAttack):
     detections_false_positive_percent: Annotated[
         float, "detections in the clean clouds above the threshold, in percent"
     ]
+    new_detections_called_fake_percent: Annotated[
+        float,
+        "detections in attacked clouds that the clean ones lack and a published detector takes for spoofed, "
+        "by limits of its own, in percent; null for other checks",
+    ]
+    detections_called_fake_percent: Annotated[
+        float, "detections in the clean clouds that it takes for spoofed, in percent"
+    ]
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from advpipe.stages.attack.lidar.build import adaptation_of, build_lidar_attack
 from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds
 from advpipe.stages.attack.lidar.scan_placement import in_scan_order
+from advpipe.stages.attack.lidar.surrogate import with_surrogate
 from advpipe.stages.attack.parameters import resolved_recipe
 
 Group = tuple[int, ...]
@@ -86,7 +87,8 @@ def cloud_attacker(
         rng = named_generator(seed, "attack", spec.type, recipe, cloud.frame, *named)
         declared_by = detectors[spec.detector]  # in a batch, a proxy stands for it
         adapted, note = detector_for_cloud(detector, adaptation_of(spec), xyz(frame.cloud), declared_by)
-        result = attack(frame.cloud, frame.boxes, adapted, rng)
+        victim = with_surrogate(attack, adapted, adaptation_of(spec), xyz(frame.cloud), device)
+        result = attack(frame.cloud, frame.boxes, victim, rng)
         result = replace(result, note=join_notes(note, result.note)) if note else result
         refuse_invalid(spec.type, frame.cloud, result)
         refuse_out_of_bounds(spec.type, attack, frame.cloud, result)

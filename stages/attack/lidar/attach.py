@@ -33,6 +33,7 @@ from advpipe.pipeline.adversary.random_best import (
     addition_sources,
 )
 from advpipe.pipeline.adversary.subset_search import SubsetSearch
+from advpipe.pipeline.adversary.surrogate import proposing
 from advpipe.pipeline.adversary.targets import look
 from advpipe.pipeline.attack_detection.coordinate_grid import on_grid_of
 from advpipe.pipeline.attack_detection.scan_order import as_measured, scan_order_of
@@ -51,7 +52,7 @@ from advpipe.stages.attack.lidar.attach_problem import AttachProblem
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
-    NO_OCCUPANCY,
+    PROPOSING,
     QUERIES,
     QUERYING,
     STEPPING,
@@ -61,6 +62,7 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
+    search_note,
     unchanged,
 )
 from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
@@ -111,17 +113,18 @@ class Attach(LidarAttack):
     eps_m: how far from the clean cloud's points they may lie.
     recipe: "best" fills the empty voxels whose occupancy affects the detector most, at the place nearest to a
         clean point, evaluates the detections, and spends the points on the objects that need the fewest; for
-        a detector without `occupancy_loss`, it searches random places by the detections (`subset_search`).
-        "hide" is "best" with the goal to hide: no box that overlaps an object loosely is left. "robust" keeps
-        a distance from the voxels' faces, and takes gains and objective as means over draws of defences
-        (`expectation`), a pass for each of four; "transfer" likewise over other views of the scene, to hold
-        on other detectors. "stealthy" adds at most so many points, one on each of the rays that returned
-        nothing, before what would hide them. "score-based" and "decision-based" are
-        black-box attacks: they see detections alone, the second no scores (`black_box`), and search random
-        places (`subset_search`) at the objects that are detected in the clean cloud. "paper" shifts copies of
-        the most salient points (`attach_paper`). Random baselines: "random" in balls around any points,
-        "random-near" around those near objects, "random-best" likewise with the selection of "best": what
-        reports compare the attack with. New points copy the intensity of the point that they start from.
+        a detector without `occupancy_loss`, it searches random places and those that the shipped detector
+        needs by the detections (`subset_search`). "hide" is "best" with the goal to hide: no box that
+        overlaps an object loosely is left. "robust" keeps a distance from the voxels' faces, and takes gains
+        and objective as means over draws of defences (`expectation`), a pass for each of four; "transfer"
+        likewise over other views of the scene, to hold on other detectors. "stealthy" adds at most so many
+        points, one on each of the rays that returned nothing, before what would hide them. "score-based" and
+        "decision-based" are black-box attacks: they see detections alone, the second no scores (`black_box`),
+        and search random places (`subset_search`) at the objects that are detected in the clean cloud.
+        "paper" shifts copies of the most salient points (`attach_paper`). Random baselines: "random" in balls
+        around any points, "random-near" around those near objects, "random-best" likewise with the selection
+        of "best": what reports compare the attack with. New points copy the intensity of the point that they
+        start from.
     rounds: how often "best", "hide" and "stealthy" rank the places.
     queries: how many detections the black-box recipes ask for.
     weight: lambda of the paper's dual loss (loss units per square metre); the paper gives no value.
@@ -194,6 +197,10 @@ class Attach(LidarAttack):
             POINTS_MOVED.name: (0, 0),
             POINTS_REMOVED.name: (0, 0),
         }
+
+    @property
+    def uses_surrogate(self) -> bool:
+        return self.recipe in PROPOSING
 
     @property
     def query_budget(self) -> int:
@@ -276,8 +283,12 @@ class Attach(LidarAttack):
                 problem = RobustAttachProblem(clean, places, expected, rng, decay_m=self.decay_m)
             best = add_greedily(problem, self.points, self.query_budget)
         else:
-            note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY
+            note = "" if self.recipe in BLACK_BOX else search_note(detector)
             places = self._random_places(clean, sources, PLACES_PER_POINT * self.points, boxes, rules, rng)
+            if (surrogate := proposing(detector)) is not None:
+                grid, inset_m = surrogate.voxel_grid, INSET_M["best"]
+                aimed = voxel_places(clean, boxes, grid, rules, self.eps_m, MARGIN_M, inset_m)
+                places = joined([places, aimed])
             best = self._searched_places(clean, places, objective, rng)
         if short := self.points - len(best):
             note = join_notes(note, "nothing more to gain: the rest added at random")

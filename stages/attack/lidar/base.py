@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, HIDE
+from advpipe.pipeline.adversary.surrogate import SurrogateDetector
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import Boxes
@@ -26,8 +27,19 @@ NO_GRADIENT = "no gradient: the detector's loss depends on no point"
 NO_OCCUPANCY = "no occupancy_loss: searched by the detections, and the gradient of the loss where it has one"
 """The note on a frame that recipes attack by its detections."""
 
+SURROGATE = "small"
+"""The shipped detector that proposes changes against one without `occupancy_loss`."""
+
+WITH_SURROGATE = (
+    f"no occupancy_loss: searched by the detections, and the gradients of the shipped detector {SURROGATE}"
+)
+"""The note on a frame where a surrogate proposes changes."""
+
 STEPPING = ("best", "hide", "robust", "stealthy", "transfer", "random-best")
 """The recipes that query the detector in so many steps or rounds, and keep the best candidate."""
+
+PROPOSING = tuple(recipe for recipe in STEPPING if recipe != "random-best")
+"""The recipes that have a surrogate propose changes against a detector without `occupancy_loss`."""
 
 QUERYING = (*STEPPING, *BLACK_BOX)
 """The recipes that query the detector, and keep the best candidate."""
@@ -56,6 +68,11 @@ class LidarResult:
     loss_before: float = np.nan
     loss_after: float = np.nan
     note: str = ""
+
+
+def search_note(detector: ObjectDetector) -> str:
+    """The note on a frame of a detector without `occupancy_loss`."""
+    return WITH_SURROGATE if isinstance(detector, SurrogateDetector) else NO_OCCUPANCY
 
 
 def unchanged(cloud: Cloud, note: str, loss: float = np.nan) -> LidarResult:
@@ -131,6 +148,12 @@ class LidarAttack(Attack):
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Minimum and maximum of each quantity that the attack bounds, with its parameters, in any cloud that
         it changes; by names of `advpipe.pipeline.labels.quantities` and of the quantities in its traits."""
+
+    @property
+    def uses_surrogate(self) -> bool:
+        """Whether a detector of ours may propose changes against one without `occupancy_loss`: the attack is
+        then given a `SurrogateDetector`."""
+        return False
 
     @classmethod
     def measurable(cls) -> Mapping[str, Quantity[CloudChange]]:

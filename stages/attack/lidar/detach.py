@@ -33,7 +33,7 @@ from advpipe.stages.attack.bounds import checked_choice, checked_integer
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
-    NO_OCCUPANCY,
+    PROPOSING,
     QUERIES,
     QUERYING,
     STEPPING,
@@ -43,6 +43,7 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
+    search_note,
     unchanged,
 )
 from advpipe.stages.attack.lidar.detach_problem import DetachProblem
@@ -77,16 +78,16 @@ class Detach(LidarAttack):
         Points that are not finite (rays without an echo, in some drivers) do not count and stay.
     recipe: "best" empties the voxels that the detector needs, evaluates the detections, and spends the budget
         on the objects that are lost with the fewest points; for a detector without `occupancy_loss`, it
-        searches such points by the detections (`subset_search`); "hide" is "best" with the goal to hide: no
-        box that overlaps an object loosely is left; "robust" takes gains and objective as means over draws of
-        defences (`expectation`), a pass for each of four; "transfer" likewise over other views of the scene,
-        to hold on other detectors; "stealthy" removes at most so many points, and in
-        no window of rays so many that the density check of `evaluate` notices; "score-based" and
-        "decision-based" are black-box attacks: they see detections alone, the second no scores (`black_box`),
-        and search (`subset_search`) points of the objects that are detected in the clean cloud; "paper" is
-        the greedy gradient-norm saliency of the paper (section III-A, Eq. 3). Random baselines of equal
-        budget: "random" anywhere, "random-near" near objects, "random-best" there with the selection of
-        "best": the baseline that reports compare the attack with.
+        searches such points by the detections (`subset_search`), the shipped detector's among them; "hide" is
+        "best" with the goal to hide: no box that overlaps an object loosely is left; "robust" takes gains and
+        objective as means over draws of defences (`expectation`), a pass for each of four; "transfer"
+        likewise over other views of the scene, to hold on other detectors; "stealthy" removes at most so many
+        points, and in no window of rays so many that the density check of `evaluate` notices; "score-based"
+        and "decision-based" are black-box attacks: they see detections alone, the second no scores
+        (`black_box`), and search (`subset_search`) points of the objects that are detected in the clean
+        cloud; "paper" is the greedy gradient-norm saliency of the paper (section III-A, Eq. 3). Random
+        baselines of equal budget: "random" anywhere, "random-near" near objects, "random-best" there with the
+        selection of "best": the baseline that reports compare the attack with.
     rounds: the remaining points are ranked again after each round (the paper: 10).
     queries: how many detections the black-box recipes ask for.
     near_objects_m, goal, truth, objects, max_points: see `constraints.Constraints`.
@@ -139,6 +140,10 @@ class Detach(LidarAttack):
             POINTS_ADDED.name: (0, 0),
             **self.constraints.bounds,
         }
+
+    @property
+    def uses_surrogate(self) -> bool:
+        return self.recipe in PROPOSING
 
     @property
     def query_budget(self) -> int:
@@ -220,7 +225,7 @@ class Detach(LidarAttack):
                 problem = RobustDetachProblem(points, owner, expected, rng)
             chosen, short = remove_greedily(problem, allowed, budget, self.query_budget)
         else:
-            note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY
+            note = "" if self.recipe in BLACK_BOX else search_note(detector)
             plain = LossRemovalProblem(xyzi(scene), owner, objective, rng)
             found = SubsetSearch(plain, rng).allocation(budget, self.query_budget)
             chosen, short = with_random_rest(found, allowed, budget, rng)

@@ -1,4 +1,5 @@
-"""The problems of `detach` and `attach` for detectors without `occupancy_loss`: gains by the loss alone."""
+"""The problems of `detach` and `attach` for detectors without `occupancy_loss`: gains by a surrogate, or else
+by the loss alone."""
 
 from __future__ import annotations
 
@@ -13,8 +14,11 @@ from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.goal import owners
 from advpipe.pipeline.adversary.gradient import gradients_of
 from advpipe.pipeline.adversary.removal_problem import RemovalProblem
+from advpipe.pipeline.adversary.surrogate import proposing
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.messages.cloud import cloud_of_xyzi
+from advpipe.stages.attack.lidar.attach_problem import addition_gains
+from advpipe.stages.attack.lidar.detach_problem import removal_gains
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -33,10 +37,13 @@ class LossRemovalProblem(RemovalProblem):
         self.item_gains, self.has_gradient = np.zeros(len(self.points)), True
 
     def detected(self, points: Float32, left: Int64, will_propose: bool) -> Detections:
-        """What the detector finds, and the first-order gains: dropping a point is like moving it to its
-        object's centre, where it carries no information (Zheng et al. 2019, "PointCloud Saliency Maps",
-        section 3.2)."""
-        if will_propose and self.has_gradient:
+        """What the detector finds, and the gains: those of a surrogate, if there is one; else to the first
+        order, dropping a point is like moving it to its object's centre, where it carries no information
+        (Zheng et al. 2019, "PointCloud Saliency Maps", section 3.2)."""
+        surrogate = proposing(self.objective.detector)
+        if will_propose and surrogate is not None:
+            _, self.item_gains[left], _ = removal_gains(self.objective.goal, surrogate, points)
+        elif will_propose and self.has_gradient:
             slope = attack_gradient(self.objective, points)
             to_centre_m = self._boxes[self.owner[left], :3] - points[:, :3]
             self.item_gains[left] = (slope * to_centre_m).sum(axis=1)
@@ -57,7 +64,11 @@ class LossAdditionProblem(AdditionProblem):
 
     def look(self, taken: Int64, *, will_propose: bool) -> Float64:
         points, shown = self.seen(taken)
-        if will_propose and self.has_gradient:
+        surrogate = proposing(self.objective.detector)
+        if will_propose and surrogate is not None:
+            goal, places = self.objective.goal, self.places.points
+            _, self.item_gains = addition_gains(goal, surrogate, points, places)
+        elif will_propose and self.has_gradient:
             slope = np.zeros((len(self.clean) + len(self.places), 3))
             slope[shown] = attack_gradient(self.objective, points)
             # To the first order: a copy of the place's clean point, moved to the place.

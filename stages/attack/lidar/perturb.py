@@ -17,6 +17,7 @@ from advpipe.pipeline.adversary.notes import join_notes
 from advpipe.pipeline.adversary.per_object_best import PerObjectBest
 from advpipe.pipeline.adversary.random_best import RandomBest
 from advpipe.pipeline.adversary.random_search import RandomSearch
+from advpipe.pipeline.adversary.surrogate import proposing
 from advpipe.pipeline.adversary.targets import look
 from advpipe.pipeline.attack_detection.coordinate_grid import on_grid_of
 from advpipe.pipeline.core.errors import UsageError
@@ -29,7 +30,7 @@ from advpipe.stages.attack.bounds import checked_choice, checked_integer, checke
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
     NO_GRADIENT,
-    NO_OCCUPANCY,
+    PROPOSING,
     QUERIES,
     QUERYING,
     STEPPING,
@@ -39,9 +40,11 @@ from advpipe.stages.attack.lidar.base import (
     LidarResult,
     LidarTraits,
     PublishedFigure,
+    search_note,
     unchanged,
 )
 from advpipe.stages.attack.lidar.crossing_search import CrossingSearch, CrossingSettings
+from advpipe.stages.attack.lidar.mixed_search import MixedSearch
 from advpipe.stages.attack.lidar.pgd import ProjectedGradientDescent
 from advpipe.stages.attack.lidar.robust_search import RobustSearch
 from advpipe.stages.attack.lidar.score_search import ScoreSearch
@@ -83,18 +86,19 @@ class Perturb(LidarAttack):
 
     eps_cm: how far each point may move.
     recipe: "best" moves points across the voxel faces that matter to the detector and keeps the best
-        candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it searches
-        deformations by the detections (`score_search`). "hide" is "best" with the goal to hide, no box that
-        overlaps an object loosely is left, and twice the steps. "robust" moves points by the whole reach, and
-        takes gains and successes as means over draws of defences (`robust_search`), a pass for each of four.
-        "transfer" does so over other views of the scene (`input_diversity`), to hold on other detectors.
-        "stealthy" keeps points on their rays and before what hides them, and spreads them in the voxels, so
-        that the checks of `evaluate` do not notice. "score-based" and "decision-based" are black-box attacks:
-        they see detections alone, the second no scores (`black_box`), and search deformations
-        (`score_search`) of the objects that are detected in the clean cloud. "paper" is the PGD of the paper
-        (section III-A, Eq. 1 and 2) on all points. Random baselines: "random" moves all points by eps in a
-        random direction, "random-near" those near objects, and "random-best" draws `steps` candidates there,
-        with the selection of "best": the baseline that reports compare the attack with.
+        candidate for each object (`crossing_search`); for a detector without `occupancy_loss` it searches by
+        the detections, crossings of the shipped detector's voxels and deformations (`mixed_search`). "hide"
+        is "best" with the goal to hide, no box that overlaps an object loosely is left, and twice the steps.
+        "robust" moves points by the whole reach, and takes gains and successes as means over draws of
+        defences (`robust_search`), a pass for each of four. "transfer" does so over other views of the scene
+        (`input_diversity`), to hold on other detectors. "stealthy" keeps points on their rays and before what
+        hides them, and spreads them in the voxels, so that the checks of `evaluate` do not notice.
+        "score-based" and "decision-based" are black-box attacks: they see detections alone, the second no
+        scores (`black_box`), and search deformations (`score_search`) of the objects that are detected in the
+        clean cloud. "paper" is the PGD of the paper (section III-A, Eq. 1 and 2) on all points. Random
+        baselines: "random" moves all points by eps in a random direction, "random-near" those near objects,
+        and "random-best" draws `steps` candidates there, with the selection of "best": the baseline that
+        reports compare the attack with.
     steps: gradients or random candidates; 0 for the recipe's default (the paper: 40).
     queries: how many detections the black-box recipes ask for.
     weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
@@ -168,6 +172,10 @@ class Perturb(LidarAttack):
             **({MAX_OFF_RAY.name: (0.0, ON_RAY_URAD)} if self.recipe == "stealthy" else {}),
             **self.constraints.bounds,
         }
+
+    @property
+    def uses_surrogate(self) -> bool:
+        return self.recipe in PROPOSING
 
     @property
     def query_budget(self) -> int:
@@ -259,8 +267,13 @@ class Perturb(LidarAttack):
                 points, goal, detector, rules, owner, focus, self.eps_m, self.settings, rng
             )
         else:
-            search = ScoreSearch(points, goal, detector, rules, owner, focus, self.eps_m, rng)
-            note = "" if self.recipe in BLACK_BOX else NO_OCCUPANCY
+            search = scores = ScoreSearch(points, goal, detector, rules, owner, focus, self.eps_m, rng)
+            note = "" if self.recipe in BLACK_BOX else search_note(detector)
+            if (surrogate := proposing(detector)) is not None:
+                crossings = CrossingSearch(
+                    points, goal, surrogate, rules, owner, focus, self.eps_m, self.settings, rng
+                )
+                search = MixedSearch(crossings, scores, owner, rng)
         if not self.settings.keep_best:
             unjudged = points
             for candidate in search.candidates(self.steps):

@@ -64,6 +64,8 @@ def _record(check: str, frames: Sequence[CheckedFrame], result: ResultRow) -> At
         new_detections=new,
         new_detections_true_positive_percent=_percent(new_above, new),
         detections_false_positive_percent=_percent(known_above, known),
+        new_detections_called_fake_percent=_called_fake([each for each, _ in attacked]),
+        detections_called_fake_percent=_called_fake(clean),
     )
 
 
@@ -85,6 +87,13 @@ def _above(judged: Sequence[tuple[CheckedCloud, float]]) -> tuple[int, int]:
     found = [(each.detections, limit) for each, limit in judged if each.detections is not None]
     above = sum(int((scores > limit).sum()) for scores, limit in found)
     return sum(len(scores) for scores, _ in found), above
+
+
+def _called_fake(judged: Sequence[CheckedCloud]) -> float:
+    """The share of the detections that a check takes for spoofed by limits of its own, in percent."""
+    decided = [each for each in judged if each.fake is not None and each.detections is not None]
+    whole = sum(len(each.detections) for each in decided if each.detections is not None)
+    return _percent(sum(each.fake or 0 for each in decided), whole)
 
 
 def _percent(part: int, whole: int) -> float:

@@ -18,7 +18,8 @@ Int64 = npt.NDArray[np.int64]
 class CheckedCloud:
     """score: of the cloud. points, flagged: of the cloud; both 0 for a check that judges no points. touched,
     touched_flagged: of the points that an attack moved or added. detections: (K,) scores of the judged
-    detections, of an attacked cloud only of those that the clean one lacks; None if none are judged."""
+    detections, of an attacked cloud only of those that the clean one lacks; None if none are judged. fake:
+    how many of these the check takes for spoofed by limits of its own; None if it has none."""
 
     score: float
     points: int = 0
@@ -26,13 +27,15 @@ class CheckedCloud:
     touched: int = 0
     touched_flagged: int = 0
     detections: Float64 | None = None
+    fake: int | None = None
 
     @classmethod
     def of(cls, found: Suspicion, touched: Int64, shown: Bool) -> CheckedCloud:
         """touched: indices of points that an attack changed. shown: (K,) which detections count."""
         detections = None if found.detections is None else found.detections[shown]
+        fake = None if found.fake is None else int(found.fake[shown].sum())
         if found.points is None:
-            return cls(found.score, detections=detections)
+            return cls(found.score, detections=detections, fake=fake)
         return cls(
             found.score,
             len(found.points),
@@ -40,6 +43,7 @@ class CheckedCloud:
             len(touched),
             int(found.points[touched].sum()),
             detections,
+            fake,
         )
 
 

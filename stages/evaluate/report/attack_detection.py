@@ -44,11 +44,20 @@ FORMULAS = (
         ("new_detections_true_positive_percent", "detections_false_positive_percent"),
         title="New detections flagged",
     ),
+    Formula(
+        "boxes_called_fake",
+        "the verdict of a published detector (CARLO, Shadow-Catcher) on each box, by limits that it fits to "
+        "clean clouds and to spoofed objects of the defender's own: of detections that the clean cloud "
+        "lacks, and of those in clean clouds. It is about spoofing: an attack that moves, removes or hides "
+        "objects need not bring new ones",
+        ("new_detections_called_fake_percent", "detections_called_fake_percent"),
+        title="New detections called fake",
+    ),
 )
 
 HEADS = (
     *("attack", "check", "detected %", "false alarms %", "AUC", "points flagged %", "clean points flagged %"),
-    *("new boxes flagged %", "clean boxes flagged %"),
+    *("new boxes flagged %", "clean boxes flagged %", "new boxes called fake %", "clean boxes called fake %"),
 )
 SHORT_HEADS = ("check", "detected %", "false alarms %", "AUC", "points flagged %")
 
@@ -101,6 +110,8 @@ def _cells(each: AttackDetectionRecord) -> tuple[str, ...]:
         formatted_number(each.points_false_positive_percent, 2),
         formatted_number(each.new_detections_true_positive_percent, 1),
         formatted_number(each.detections_false_positive_percent, 1),
+        formatted_number(each.new_detections_called_fake_percent, 1),
+        formatted_number(each.detections_called_fake_percent, 1),
     )
 
 

@@ -1,13 +1,15 @@
 """CARLO and Shadow-Catcher on boxes for which a person can work out the answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rotating import cloud_of, ranges, rays
 
 from advpipe.pipeline.attack_detection.base import DefenderKnowledge
 from advpipe.pipeline.attack_detection.box_frustum import box_frustums
-from advpipe.pipeline.attack_detection.carlo import CarloCheck, free_share
-from advpipe.pipeline.attack_detection.shadow_catcher import ShadowCatcherCheck, shadow_score
+from advpipe.pipeline.attack_detection.carlo import CarloCheck, CarloLimits, free_share
+from advpipe.pipeline.attack_detection.shadow_catcher import ShadowCatcherCheck, best_threshold
 from advpipe.pipeline.detector.protocol import Detections
 
 CUBE = np.array([10.0, 0.0, 0.0, 2.0, 2.0, 2.0, 0.0])
@@ -83,33 +85,66 @@ ONE_CAR = Detections(CAR[None], np.ones(1), np.zeros(1, np.int64))
 
 
 def test_carlo_tells_a_ghost_car_from_a_real_one():
-    knowledge = DefenderKnowledge([real_car()], detect=lambda cloud: ONE_CAR)
-    check = CarloCheck(knowledge)
+    check = CarloCheck(DefenderKnowledge([real_car()], detect=lambda cloud: ONE_CAR))
     real, ghost = (check(cloud, ONE_CAR) for cloud in (real_car(), ghost_car()))
     assert real.score < 1 < ghost.score
     assert ghost.detections.shape == (1,)
+    assert (real.fake.tolist(), ghost.fake.tolist()) == ([False], [True])
+
+
+def test_carlo_judges_vehicles_alone():
+    check = CarloCheck(DefenderKnowledge([real_car()], detect=lambda cloud: ONE_CAR))
+    someone = replace(ONE_CAR, labels=np.array([3]))
+    assert check(ghost_car(), someone).score == 0
+    assert not check(ghost_car(), someone).fake.any()
+
+
+def test_carlo_without_vehicles_in_clean_clouds_decides_nothing():
+    check = CarloCheck(DefenderKnowledge([real_car()]))
+    assert check(ghost_car(), ONE_CAR).fake is None
+    assert check(ghost_car(), ONE_CAR).score > check(real_car(), ONE_CAR).score
+
+
+def rays_through(behind, inside):
+    """So many returns behind the cube, and so many in its middle."""
+    return frustum([[20, 0.125, 0.125]] * behind + [[10.1, 0.125, 0.125]] * inside)
+
+
+def test_limits_of_algorithm_1():
+    """Valid cubes let 0 and 1 of 4 rays through, spoofed ones 3 and 4 of 4: b' is nearly 1/4, a' 3/4. f is 8
+    of 512 cells where a ray passes without a return in its row, else 3, as far as the fifth is occupied."""
+    valid = [rays_through(0, 4), rays_through(1, 3)]
+    spoofed = [rays_through(3, 1), rays_through(4, 0)]
+    limits = CarloLimits.fitted(valid, spoofed)
+    assert (limits.b_prime, limits.a_prime) == pytest.approx((0.25, 0.75), abs=0.002)
+    assert limits.score(rays_through(1, 3)) == (0.0, False)  # .25 < .75 - .05
+    assert limits.score(rays_through(4, 0)) == (2.0, True)  # 1 > .25 + .05
+    assert CarloLimits.fitted(valid, []) is None
+
+
+def test_free_space_decides_where_penetration_does_not():
+    limits = CarloLimits(a_prime=0.4, b_prime=0.6, a=0.01, b=0.005)
+    undecided = rays_through(2, 2)
+    score, fake = limits.score(undecided)
+    assert score == free_share(undecided) == pytest.approx(7 / 512, abs=2 / 512)
+    assert fake  # above .0075
+    assert replace(limits, a=0.1).score(undecided) == (score, False)  # below .0525
 
 
 def test_shadow_catcher_tells_a_ghost_car_from_a_real_one():
-    check = ShadowCatcherCheck(DefenderKnowledge([real_car()]))
+    check = ShadowCatcherCheck(DefenderKnowledge([real_car()], detect=lambda cloud: ONE_CAR))
     real, ghost = (check(cloud, ONE_CAR) for cloud in (real_car(), ghost_car()))
     assert real.score == 0
     assert ghost.score > 0.1
+    assert (real.fake.tolist(), ghost.fake.tolist()) == ([False], [True])
 
 
-def test_weight_of_a_return_in_a_shadow():
-    """Behind the car from 8 to 12 m, whose top is 0.5 m below the sensor: the shadow ends where the line over
-    its top, from 12.04 m, has fallen to 2 m, four times as far."""
-    first_m = float(np.hypot(12, 1))
-    here = np.array([first_m]), np.array([0.0])
+def test_shadow_catcher_without_detections_in_clean_clouds_decides_nothing():
+    check = ShadowCatcherCheck(DefenderKnowledge([real_car()]))
+    assert check(ghost_car(), ONE_CAR).fake is None
 
-    def score(flat_m, azimuth_rad, height_m=-1.9):
-        where = (np.atleast_1d(height_m), np.atleast_1d(flat_m), np.atleast_1d(azimuth_rad))
-        return shadow_score(*(np.asarray(each, float) for each in where), CAR, -2.0)
 
-    assert score(*here) == pytest.approx(1)  # at the beginning, in the middle
-    assert score(first_m + 0.2 * 3 * first_m, 0.0) == pytest.approx(0.5, abs=0.001)
-    assert score(first_m + 0.2 * 3 * first_m, 0.2 * np.arctan2(1, 8)) == pytest.approx(0.25, abs=0.001)
-    assert score(4 * first_m + 0.1, 0.0) == 0  # beyond its end
-    assert score(first_m, 1.01 * np.arctan2(1, 8)) == 0  # beside it
-    assert score(first_m, 0.0, height_m=-0.4) == 0  # above the line over the top
+def test_the_threshold_with_the_fewest_errors():
+    """At .3, one of four genuine scores is above, and all of three ghosts."""
+    assert best_threshold(np.array([0.0, 0.1, 0.3, 0.5]), np.array([0.4, 0.6, 0.9])) == 0.3
+    assert best_threshold(np.array([0.2]), np.zeros(0)) == np.inf

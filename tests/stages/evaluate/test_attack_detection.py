@@ -45,13 +45,13 @@ class Ahead:
 
 
 class Boxes:
-    """Suspects each detection by its number of points."""
+    """Suspects each detection by its number of points, and takes those of more than 45 for spoofed."""
 
     def __init__(self, knowledge):
         pass
 
     def __call__(self, cloud, detections):
-        return worst(100 * detections.scores)
+        return worst(100 * detections.scores, detections.scores > 0.45)
 
 
 class Impossible:
@@ -94,6 +94,7 @@ def test_rates_of_a_check_that_judges_points(report_of):
     assert found["points_true_positive_percent"] > 80  # some lie outside of the box
     assert found["points_false_positive_percent"] < 1
     assert found["new_detections_true_positive_percent"] is None
+    assert found["detections_called_fake_percent"] is None
 
 
 def test_rates_of_a_check_that_judges_detections(report_of):
@@ -102,6 +103,8 @@ def test_rates_of_a_check_that_judges_detections(report_of):
     assert (found["true_positive_percent"], found["false_positive_percent"], found["auc"]) == (0, 0, 0)
     assert (found["new_detections"], found["new_detections_true_positive_percent"]) == (0, None)
     assert found["detections_false_positive_percent"] == 0
+    assert found["detections_called_fake_percent"] == 50  # two of four
+    assert found["new_detections_called_fake_percent"] is None
     assert found["points_true_positive_percent"] is None
 
 
