@@ -102,15 +102,18 @@ class _Observer:
     """What answers in the other process."""
 
     def __init__(self) -> None:
-        import advpipe.pipeline.sensors.lidar.rig
-        import advpipe.stages.simulate.world.raycast.world  # noqa: F401  # loads Open3D
+        import advpipe.pipeline.sensors.lidar.rig  # noqa: F401
+        from advpipe.stages.simulate.world.raycast.world import RaycastWorld  # loads Open3D
 
+        self._casting = RaycastWorld
         self._vehicles: dict[str, Instrumented] = {}
         self._unpacker = UserUnpacker()
 
     def __call__(self, question: _Drive | _Look) -> tuple[Reading, ...]:
         if isinstance(question, _Drive):
             scenario, self._world = question
+            if isinstance(self._world, self._casting):
+                self._world.prepare()
             self._vehicles = {name: Instrumented(scenario, name) for name in scenario.vehicles}
             return ()
         vehicle, frame, stamp_ns, motion, packed = question

@@ -131,11 +131,15 @@ class Scene:
 
     @cached_property
     def _scene(self) -> o3d.t.geometry.RaycastingScene:
-        """Made by the first cast: a process that casts nothing needs none, and it cannot be pickled."""
+        """Made for the first cast: a process that casts nothing needs none, and it cannot be pickled."""
         scene = o3d.t.geometry.RaycastingScene()
         if len(self._triangles):
             scene.add_triangles(o3d.core.Tensor(self._vertices_m), o3d.core.Tensor(self._triangles))
         return scene
+
+    def prepare(self) -> None:
+        """Do now what the first cast would have to do before: a tree of the triangles."""
+        self._first(np.array([[0, 0, 0, 0, 0, 1]], np.float32), None)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_scene"}

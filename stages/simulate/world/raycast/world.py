@@ -82,6 +82,11 @@ class RaycastWorld:
         """What cameras see."""
         return Viewer(self._static, self._make_look(), self._bodies, self._make_body_look())
 
+    def prepare(self) -> None:
+        """Do what the first cast would have to do before."""
+        self._static.prepare()
+        self._bodies.prepare()
+
     def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> MaterialHits:
         """Cast rays (R, 6) in the map's frame into the static world with these road users.
 
