@@ -40,15 +40,20 @@ class Companion(Generic[Q, A]):
         context = get_context("spawn")  # a fork would inherit the threads of the libraries loaded here
         if os.name == "posix":
             resource_tracker.ensure_running()  # starting it unblocks signals
-        self._pipe, theirs = context.Pipe()
+        # Two pipes: one that goes both ways is a socket, at three times the processor time.
+        self._answers, their_answers = context.Pipe(duplex=False)
+        their_questions, self._questions = context.Pipe(duplex=False)
         self._asked: deque[Future[A]] = deque()
         self._error: BaseException | None = None
         self._process = context.Process(
-            target=_serve, args=(theirs, pickle.dumps(prepare, protocol=5), is_command_line()), daemon=True
+            target=_serve,
+            args=(their_questions, their_answers, pickle.dumps(prepare, protocol=5), is_command_line()),
+            daemon=True,
         )
         with signals.blocked(), without_main():  # until the process has set its handlers
             self._process.start()
-            theirs.close()  # the other end is the companion's alone: its death closes the pipe
+            their_answers.close()  # this end is the companion's alone: its death closes the pipe
+            their_questions.close()
             threading.Thread(target=self._receive, name="answers", daemon=True).start()
 
     def ask(self, question: Q) -> Future[A]:
@@ -57,7 +62,7 @@ class Companion(Generic[Q, A]):
         self._asked.append(answer)
         if self._error is None:
             with suppress(OSError):  # it has ended: `_receive` says so
-                self._pipe.send(question)
+                self._questions.send(question)
         if self._error is not None:
             self._fail_all(self._error)
         return answer
@@ -71,7 +76,7 @@ class Companion(Generic[Q, A]):
         """Hand out the answers. A thread does, lest both processes wait for the other one to read."""
         while True:
             try:
-                message: Any = self._pipe.recv()
+                message: Any = self._answers.recv()
             except (EOFError, OSError):
                 message = AdvpipeError("a worker process died (out of memory, or killed)")
             if isinstance(message, BaseException):
@@ -89,7 +94,7 @@ class Companion(Generic[Q, A]):
                 self._asked.popleft().set_exception(error)
 
 
-def _serve(pipe: Connection, pickled: bytes, names_flags: bool) -> None:
+def _serve(questions: Connection, answers: Connection, pickled: bytes, names_flags: bool) -> None:
     """Answer until the parent process ends this one, or has ended; the parent handles signals."""
     signals.leave_to_parent()
     threading.Thread(target=end_with_parent, daemon=True).start()
@@ -98,8 +103,8 @@ def _serve(pipe: Connection, pickled: bytes, names_flags: bool) -> None:
         with use_flags(names_flags), use_verbosity(Verbosity(quiet=True)):
             answer: Callable[[Any], Any] = pickle.loads(pickled)()
             while True:
-                pipe.send(answer(pipe.recv()))
+                answers.send(answer(questions.recv()))
     except (EOFError, BrokenPipeError):
         return
     except Exception as error:
-        pipe.send(error_for_parent(error))
+        answers.send(error_for_parent(error))
