@@ -5,6 +5,7 @@ See `build` and `markers` for what the messages hold, and `cdr` for the bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -75,8 +76,8 @@ def _add_marker(
     stamp_ns: int,
     frame_id: str,
     what: tuple[str, int, int, int],
-    pose: tuple[float, ...],
-    size: tuple[float, ...],
+    pose: Sequence[float],
+    size: Sequence[float],
 ) -> None:
     """visualization_msgs/Marker up to its scale; what: its namespace, number, type and action."""
     cdr.header(stamp_ns, frame_id)
