@@ -2,6 +2,11 @@
 
     python benchmarks/realism.py BAG [BAG ...] [--frames ::5] [--lidar /topic]
 
+Real sensors' columns that others measured are comparable where the definitions are the same. They are, within
+3 %, for points, angles, intensities and the share of ground. What depends on which few walls and cars a drive
+passes differs by more from one half of a drive to the other: plane residuals by 12 %, points on cars by 10 to
+30 %.
+
 A bag may be any that advpipe reads, such as one that another tool recorded or `advpipe import` made. A row
 that a bag has no data for (boxes of cars, rings) shows a dash.
 """
@@ -27,22 +32,20 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.stages.evaluate.detection.occlusion import Occlusion
 
-GROUND_M, GROUND_RANGE_M = 0.2, 20.0
-"""Ground points lie this close to the plane of the ground about the LiDAR, and this near: farther away, real
-ground leaves any plane."""
+GROUND_M = 0.12
+"""Ground points lie this close to the plane of the ground about the LiDAR: a road without its pavements."""
 
 HIGH_DEG = -8.6
 """The border of the two blocks of lasers of a Velodyne HDL-64E."""
 
-CELL_M, CELL_POINTS, CELL_RANGE_M = 0.5, 10, 15.0
+CELL_M, CELL_POINTS, CELL_RANGE_M = 1.0, 15, 25.0
 """Residuals are of planes through points of cubes of this side with at least so many points, so near."""
 
-FLATNESS = {"walls": 0.02, "ground": 0.05}
+FLATNESS = 0.01
 """A cell is a piece of a plane if its smallest variance is less than this share of its second."""
 
-UPRIGHT, LEVEL, ROUGHEST_M = 0.2, 0.95, 0.1
-"""Walls have a normal with |z| below the first value, the ground one above the second; rougher cells are
-neither."""
+UPRIGHT, LEVEL = 0.2, 0.95
+"""Walls have a normal with |z| below the first value, the ground one above the second."""
 
 CAR_RANGES_M, CAR_BAND_M = (10, 20, 30, 40), 4.0
 
@@ -60,7 +63,7 @@ class CloudStatistics:
         self._of_ground: list[npt.NDArray[np.float32]] = []
         self._cars: list[tuple[float, float, int]] = []
         self._sizes: list[Float64] = []
-        self._residuals: dict[str, list[Float64]] = {kind: [] for kind in FLATNESS}
+        self._residuals: dict[str, list[Float64]] = {"walls": [], "ground": []}
         self._rings: list[npt.NDArray[np.int64]] = []
 
     def add(self, cloud: Cloud, boxes: Boxes, hidden: Mapping[str, float]) -> None:
@@ -80,10 +83,10 @@ class CloudStatistics:
         )
         self._intensity.append(cloud["intensity"])
         self._rings.append(np.bincount(cloud["ring"]))
-        self._add_ground(points, level_m, cloud["intensity"])
-        near = points[level_m < CELL_RANGE_M]
-        for kind, residuals in plane_residuals(near).items():
-            self._residuals[kind].append(residuals)
+        is_ground = self._ground(points, cloud["intensity"])
+        near = level_m < CELL_RANGE_M
+        self._residuals["walls"].append(plane_residuals(points[near & ~is_ground], 0, UPRIGHT))
+        self._residuals["ground"].append(plane_residuals(points[near & is_ground], LEVEL, 1))
         cars = boxes[boxes.labels == CLASSES.index("car")]
         for index, inside in enumerate(points_in_boxes(points, cars.geometry)):
             if len(inside) < MIN_POINTS:
@@ -93,14 +96,16 @@ class CloudStatistics:
             self._sizes.append(cars.geometry[index, 3:6])
             self._of_cars.append(cloud["intensity"][inside])
 
-    def _add_ground(self, points: Float64, level_m: Float64, intensity: npt.NDArray[np.float32]) -> None:
+    def _ground(self, points: Float64, intensity: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+        """Which points (N, 3) are of the ground; none without a plane."""
         plane = fit_ground(points)
         if isinstance(plane, str):
-            return
+            return np.zeros(len(points), bool)
         above_m = points[:, 2] - points[:, :2] @ (plane.slope_x, plane.slope_y) + plane.offset_m
-        ground = (np.abs(above_m) < GROUND_M) & (level_m < GROUND_RANGE_M)
+        ground: npt.NDArray[np.bool_] = np.abs(above_m) < GROUND_M
         self._clouds[-1]["ground share"] = ground.mean()
         self._of_ground.append(intensity[ground])
+        return ground
 
     def rows(self) -> dict[str, float]:
         """The table's column."""
@@ -138,8 +143,11 @@ class CloudStatistics:
         return dict(zip(names, (float(mean[0]), float(np.median(mean)), float(mean[-1])), strict=True))
 
 
-def plane_residuals(points: Float64) -> dict[str, Float64]:
-    """The RMS distances (K,) in metres of the points (N, 3) of each flat cell from its plane, by kind."""
+def plane_residuals(points: Float64, least_up: float, most_up: float) -> Float64:
+    """The RMS distances (K,) in metres of the points (N, 3) of each flat cell from its plane.
+
+    Only planes whose normals have a |z| between these values count.
+    """
     _, cell, count = np.unique(
         np.floor(points / CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
@@ -151,16 +159,9 @@ def plane_residuals(points: Float64) -> dict[str, Float64]:
         for b in range(a, 3):
             spread[:, a, b] = spread[:, b, a] = np.bincount(cell, away[:, a] * away[:, b]) / count
     variance, axes = np.linalg.eigh(spread[count >= CELL_POINTS])
-    residual = np.sqrt(np.maximum(variance[:, 0], 0))
-    tilt = np.abs(axes[:, 2, 0])
-    flat = {kind: (variance[:, 0] < share * variance[:, 1]) for kind, share in FLATNESS.items()}
-    # The lowest half of the height keeps tables and roofs out of the ground.
-    low = middle[count >= CELL_POINTS, 2] < np.median(points[:, 2]) + 1.0 if len(points) else tilt > 1
-    smooth = residual < ROUGHEST_M
-    return {
-        "walls": residual[flat["walls"] & smooth & (tilt < UPRIGHT)],
-        "ground": residual[flat["ground"] & smooth & (tilt > LEVEL) & low],
-    }
+    up = np.abs(axes[:, 2, 0])
+    kept = (variance[:, 0] < FLATNESS * variance[:, 1]) & (up >= least_up) & (up <= most_up)
+    return np.sqrt(np.maximum(variance[kept, 0], 0))
 
 
 def measure(bag: Path, frames: FrameSlice, lidar_topic: str | None = None) -> dict[str, float]:

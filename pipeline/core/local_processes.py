@@ -80,7 +80,7 @@ def _in_processes(
                 args=(theirs, pickle.dumps(prepare), list(jobs[index::count]), is_command_line()),
                 daemon=True,
             )
-            with signals.blocked(), _without_main():  # until the worker has set its handlers
+            with signals.blocked(), without_main():  # until the worker has set its handlers
                 process.start()
             theirs.close()  # the worker's end is the worker's alone: its death closes the pipe
             processes.append(process)
@@ -94,7 +94,7 @@ def _in_processes(
 
 
 @contextmanager
-def _without_main() -> Iterator[None]:
+def without_main() -> Iterator[None]:
     """Keep workers started in the block from loading `__main__`: a user's script would run again."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
@@ -132,7 +132,7 @@ def _serve(pipe: Connection, pickled: bytes, jobs: list[int], names_flags: bool)
     names_flags: see `option_names.use_flags`.
     """
     signals.leave_to_parent()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     silence_warnings()
     try:
         with use_flags(names_flags), use_verbosity(Verbosity(quiet=True)):
@@ -146,7 +146,7 @@ def _serve(pipe: Connection, pickled: bytes, jobs: list[int], names_flags: bool)
         pipe.send(error_for_parent(error))
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """End this worker as soon as its parent process has ended, whatever it computes."""
     parent = parent_process()
     if parent is not None:

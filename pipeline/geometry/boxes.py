@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -97,25 +98,43 @@ def points_in_boxes(
 
     margin_m: enlarges each box on every side. A point on a face is inside.
     """
+    return [np.sort(inside) for inside in _points_inside(points, boxes, margin_m)]
+
+
+def count_points(points: npt.ArrayLike, boxes: npt.ArrayLike) -> npt.NDArray[np.int64]:
+    """The number (M,) of points (N, 3) in each of the boxes (M, 7)."""
+    return np.array([len(indices) for indices in _points_inside(points, boxes, 0.0)], dtype=np.int64)
+
+
+def _points_inside(
+    points: npt.ArrayLike, boxes: npt.ArrayLike, margin_m: float
+) -> Iterator[npt.NDArray[np.int64]]:
+    """The indices of the points inside each box, in the order of their x."""
     boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7)
     radii = np.hypot(boxes[:, 3], boxes[:, 4]) / 2 + margin_m * np.sqrt(2) + 1e-9
     candidates = _near_any(np.asarray(points), boxes[:, :2], radii)
     points = np.asarray(points)[candidates, :3].astype(np.float64)
-    order = np.argsort(points[:, 0], kind="stable")
-    sorted_x = points[order, 0]
-    inside = []
-    for (x, y, z, length, width, height, yaw), radius in zip(boxes, radii, strict=True):
-        first, last = np.searchsorted(sorted_x, [x - radius, x + radius])
-        near = order[first:last]
-        dx, dy = points[near, 0] - x, points[near, 1] - y
-        along, across = dx * np.cos(yaw) + dy * np.sin(yaw), dy * np.cos(yaw) - dx * np.sin(yaw)
-        hit = (
-            (np.abs(along) <= length / 2 + margin_m)
-            & (np.abs(across) <= width / 2 + margin_m)
-            & (np.abs(points[near, 2] - z) <= height / 2 + margin_m)
-        )
-        inside.append(np.sort(candidates[near[hit]]))
-    return inside
+    low_x = points[:, 0].min(initial=np.inf)
+    per_m = (2**16 - 1) / max(points[:, 0].max(initial=-np.inf) - low_x, 1e-3)
+    strips = ((points[:, 0] - low_x) * per_m).astype(np.uint16)
+    order = np.argsort(strips, kind="stable")  # of 16-bit numbers: a radix sort
+    strips, candidates = strips[order], candidates[order]
+    xs, ys, zs = np.take(points.T, order, axis=1)
+    reach = (boxes[:, :1] - low_x + radii[:, None] * (-1, 1)) * per_m
+    reach = np.nan_to_num(reach, nan=-1.0).clip(-1, 2**16)
+    firsts = np.searchsorted(strips, np.floor(reach[:, 0]))
+    lasts = np.searchsorted(strips, np.floor(reach[:, 1]), side="right")
+    sides = (boxes[:, 3:6] / 2 + margin_m).tolist()
+    turns = np.stack([np.cos(boxes[:, 6]), np.sin(boxes[:, 6])], axis=1).tolist()
+    spans = zip(firsts.tolist(), lasts.tolist(), strict=True)
+    for (x, y, z), (half_x, half_y, half_z), (cos, sin), (first, last) in zip(
+        boxes[:, :3].tolist(), sides, turns, spans, strict=True
+    ):
+        dx, dy = xs[first:last] - x, ys[first:last] - y
+        hit = abs(dx * cos + dy * sin) <= half_x
+        hit &= abs(dy * cos - dx * sin) <= half_y
+        hit &= abs(zs[first:last] - z) <= half_z
+        yield candidates[first:last][hit]
 
 
 def _near_any(
@@ -140,11 +159,10 @@ def _near_any(
     cells = []
     for axis in range(2):
         with np.errstate(invalid="ignore"):  # points that are not finite fall on the rim
-            cell_of = ((points[:, axis] - low[axis]) * (1 / cell) + 1).astype(np.int32)
-        cells.append(np.clip(cell_of, 0, touched.shape[axis] - 1))
-    return np.flatnonzero(touched[cells[0], cells[1]])
-
-
-def count_points(points: npt.ArrayLike, boxes: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """The number (M,) of points (N, 3) in each of the boxes (M, 7)."""
-    return np.array([len(indices) for indices in points_in_boxes(points, boxes)], dtype=np.int64)
+            place = points[:, axis] - points.dtype.type(low[axis])
+            place *= points.dtype.type(1 / cell)
+            place += 1
+            cells.append(place.astype(np.int32))
+        np.clip(cells[axis], 0, touched.shape[axis] - 1, out=cells[axis])
+    cells[0] *= touched.shape[1]
+    return np.flatnonzero(np.take(touched.ravel(), cells[0] + cells[1]))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,10 +36,27 @@ from advpipe.pipeline.messages.v2x import (
 )
 from advpipe.pipeline.scenario.load import scenario_tree
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.sensors.sensor import Reading
 from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot as LdmSnapshot
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
 from advpipe.stages.simulate.network.protocol import NetworkStep
+
+
+@dataclass
+class Tally:
+    """Counts of the readings so far."""
+
+    clouds: int = 0
+    points: int = 0
+    road_users: set[str] = field(default_factory=set)
+
+    def add(self, readings: Sequence[Reading]) -> None:
+        """Count the readings of one vehicle in one step."""
+        for reading in readings:
+            self.clouds += reading.clouds
+            self.points += reading.points
+            self.road_users.update(reading.road_users)
 
 
 class Recorder:
@@ -46,12 +65,20 @@ class Recorder:
     Messages about an instant carry the step's stamp; IMU samples, messages sent and messages received
     carry their own, since the previous step. All messages of a step are written in the order of their stamps,
     and published by the stream, if there is one.
+
+    behind: by how many steps the writing may be behind, while readings are in the making elsewhere.
+    tally: of the readings so far written.
     """
 
-    def __init__(self, scenario: Scenario, writer: BagWriter, stream: LiveStream | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, writer: BagWriter, stream: LiveStream | None = None, behind: int = 0
+    ) -> None:
         self._scenario = scenario
         self._writer, self._stream = writer, stream
+        self._behind, self.tally = behind, Tally()
         self._step: list[StampedCdr] = []
+        self._readings: list[tuple[int, Sequence[Reading]]] = []  # with their places in the step
+        self._waiting: deque[tuple[list[StampedCdr], list[tuple[int, Sequence[Reading]]]]] = deque()
         self._own_radios: dict[int, VehicleTopics] = {}
 
     def start(
@@ -97,8 +124,7 @@ class Recorder:
         for snapshot in snapshots:
             self._record_onboard(snapshot)
             self._record_truth(stamp_ns, snapshot)
-            for reading in snapshot.readings:
-                self._step += reading.messages
+            self._readings.append((len(self._step), snapshot.readings))
         if self._scenario.v2x.enabled:
             self._record_radios(stamp_ns, radios)
             self._step += map(pseudonym_message, pseudonyms)
@@ -111,15 +137,23 @@ class Recorder:
         if statistics is not None:
             stamp_ns = max((message[2] for message in self._step), default=network_step.stamp_ns)
             self._step.append(statistics_message(stamp_ns, statistics))
+        self._behind = 0
         self._flush()
 
     def _flush(self) -> None:
-        self._step.sort(key=lambda message: message[2])
-        for message in self._step:
-            self._writer.write_cdr(*message)
-        if self._stream is not None:
-            self._stream.publish(self._step)
-        self._step.clear()
+        """End the step, and write the steps whose readings need not be waited for yet."""
+        self._waiting.append((self._step, self._readings))
+        self._step, self._readings = [], []
+        while len(self._waiting) > self._behind:
+            step, readings = self._waiting.popleft()
+            for place, vehicle in reversed(readings):
+                step[place:place] = [message for reading in vehicle for message in reading.messages]
+                self.tally.add(vehicle)
+            step.sort(key=lambda message: message[2])
+            for message in step:
+                self._writer.write_cdr(*message)
+            if self._stream is not None:
+                self._stream.publish(step)
 
     def _write(self, topic: Topic, message: Any, stamp_ns: int) -> None:
         self._step.append((topic, serialise(message, topic.type), stamp_ns))

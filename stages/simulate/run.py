@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.part import BagSplit
@@ -25,11 +24,12 @@ from advpipe.pipeline.scenario import Scenario, dump_scenario
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.simulate.bodies import Variant, draw_variants
-from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
+from advpipe.stages.simulate.instrumented import Elsewhere, Instrumented
 from advpipe.stages.simulate.network.registry import open_network
 from advpipe.stages.simulate.perception import fleet_perception
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
+from advpipe.stages.simulate.sensors_ahead import STEPS_AHEAD, SensorsAhead, pays_ahead
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.registry import open_traffic
 from advpipe.stages.simulate.traffic.walkers import draw_walkers
@@ -83,22 +83,6 @@ class _Setting:
     variants: dict[str, Variant]
 
 
-@dataclass
-class _Tally:
-    """Counts of the measurements so far."""
-
-    clouds: int = 0
-    points: int = 0
-    road_users: set[str] = field(default_factory=set)
-
-    def add(self, snapshots: Sequence[VehicleSnapshot]) -> None:
-        """Count the readings of one step."""
-        for reading in (reading for snapshot in snapshots for reading in snapshot.readings):
-            self.clouds += reading.clouds
-            self.points += reading.points
-            self.road_users.update(reading.road_users)
-
-
 def simulate(
     scenario: Scenario, out: Path, *, overwrite: bool = False, live: str | None = None
 ) -> SimulationSummary:
@@ -115,6 +99,7 @@ def simulate(
         scratch_folder() as scratch,
         plugin_errors(plugins),
         live_stream(live, scenario.recording.names) as stream,
+        SensorsAhead() if live is None and pays_ahead(scenario) else nullcontext() as ahead,
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with as_usage_error():  # so far, only files that the scenario names have been read
@@ -123,6 +108,8 @@ def simulate(
             with working_on(WORLD):
                 variants = draw_variants(named_generator(seed, "bodies"), scenario.bodies)
                 setting = _Setting(roads, build_world(scenario, roads, variants), variants)
+                if ahead is not None:
+                    ahead.begin(scenario, setting.world)
                 prepared = open_traffic(scenario, roads, variants, scratch)
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
         recording = scenario.recording
@@ -138,18 +125,24 @@ def simulate(
                 split=BagSplit(recording.split_s, recording.split_mb),
             ) as writer,
         ):
-            tally, v2x = _drive(scenario, setting, traffic, Recorder(scenario, writer, stream))
-    frames, road_users = scenario.simulation.frames, len(tally.road_users)
+            recorder = Recorder(scenario, writer, stream, STEPS_AHEAD if ahead else 0)
+            v2x = _drive(scenario, setting, traffic, recorder, ahead)
+    frames, tally = scenario.simulation.frames, recorder.tally
+    road_users = len(tally.road_users)
     return SimulationSummary(out / "clean", frames, tally.clouds, tally.points, road_users, v2x)
 
 
 def _drive(
-    scenario: Scenario, setting: _Setting, traffic: TrafficSource, recorder: Recorder
-) -> tuple[_Tally, Statistics | None]:
+    scenario: Scenario,
+    setting: _Setting,
+    traffic: TrafficSource,
+    recorder: Recorder,
+    elsewhere: Elsewhere | None,
+) -> Statistics | None:
     """The main loop of Algorithm 1: the network's clock advances and moves the traffic, the world follows,
     the sensors measure, and the stations get their new states."""
     clock, world = scenario.simulation, setting.world
-    vehicles = [Instrumented(scenario, name) for name in sorted(scenario.vehicles)]
+    vehicles = [Instrumented(scenario, name, elsewhere) for name in sorted(scenario.vehicles)]
     actors = WorldActors(world, traffic)
     routes_m = [actors.route_m(vehicle.name) for vehicle in vehicles]
     walkers = (
@@ -161,7 +154,6 @@ def _drive(
     network = open_network(scenario, traffic.step, footprints)
     sight = fleet_perception(scenario.v2x, world, network, vehicles)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
-    tally = _Tally()
     for frame in track(range(clock.frames), RECORDING):
         network_step = network.simulate_until(clock.stamp_ns(frame))  # and steps the traffic
         drivers = traffic.road_users()
@@ -179,7 +171,6 @@ def _drive(
         maps = network.local_dynamic_maps() if is_due else ()
         # A network of somebody else's may know no pseudonyms.
         recorder.record(network_step, snapshots, network.radios, maps, getattr(network, "pseudonyms", ()))
-        tally.add(snapshots)
     network_step, v2x = network.finish(), network.statistics()
     recorder.finish(network_step, v2x)
-    return tally, v2x
+    return v2x

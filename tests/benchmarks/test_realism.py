@@ -35,16 +35,19 @@ def test_residuals_are_the_noise_across_walls_and_ground(realism: ModuleType) ->
     flat = rng.uniform(-6, 6, (40_000, 2))
     ground = np.column_stack([flat, rng.normal(-1.8, 0.005, len(flat))])
     wall = np.column_stack([flat[:, 0], rng.normal(8.25, 0.02, len(flat)), flat[:, 1] / 2 + 2.0])
-    residuals = realism.plane_residuals(np.concatenate([ground, wall]))
-    assert np.sqrt(np.mean(residuals["ground"] ** 2)) == pytest.approx(0.005, rel=0.1)
-    assert np.sqrt(np.mean(residuals["walls"] ** 2)) == pytest.approx(0.02, rel=0.1)
+    both = np.concatenate([ground, wall])
+    residuals = (
+        realism.plane_residuals(both, realism.LEVEL, 1),
+        realism.plane_residuals(both, 0, realism.UPRIGHT),
+    )
+    assert np.sqrt(np.mean(residuals[0] ** 2)) == pytest.approx(0.005, rel=0.1)
+    assert np.sqrt(np.mean(residuals[1] ** 2)) == pytest.approx(0.02, rel=0.1)
 
 
 def test_a_cloud_over_a_plane_with_a_car(realism: ModuleType) -> None:
     cloud = cast(leader_ahead_m=18.0)
     cloud["intensity"][::4] = 0.0
     inside = (np.abs(cloud["x"] - 18.0) <= 2.3) & (np.abs(cloud["y"]) <= 0.95)
-    near = np.hypot(cloud["x"], cloud["y"]) < 20.0
     rows = {}
     for hidden in (0.0, 0.6):
         statistics = realism.CloudStatistics()
@@ -54,7 +57,7 @@ def test_a_cloud_over_a_plane_with_a_car(realism: ModuleType) -> None:
     assert rows[0.0]["points a cloud"] == len(cloud)
     assert rows[0.0]["intensity exactly 0, share"] == pytest.approx(0.25, abs=0.001)
     assert rows[0.0]["cars' length, mean [m]"] == pytest.approx(4.6)
-    assert rows[0.0]["ground share"] == pytest.approx(np.mean(near & (cloud["z"] < -1.6)), abs=1e-6)
+    assert rows[0.0]["ground share"] == pytest.approx(np.mean(cloud["z"] < -1.68), abs=1e-6)
     assert rows[0.0]["points on a visible car at 20 m"] == inside.sum()
     assert np.isnan(rows[0.0]["points on a visible car at 30 m"])
     assert np.isnan(rows[0.6]["points on a visible car at 20 m"])

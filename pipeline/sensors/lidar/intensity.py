@@ -55,8 +55,8 @@ def return_signal(
         gloss = detail.gloss[seen]
         glossy = np.flatnonzero(gloss)
         signal[glossy] *= 1 - gloss[glossy] * (1 - gloss_lobe(cos[glossy]))
-    is_retroreflected = hits.retroreflective[seen] & (cos >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD)))
-    signal[is_retroreflected] = RETRO_SIGNAL
+    retro = np.flatnonzero(hits.retroreflective[seen])
+    signal[retro[cos[retro] >= np.float32(np.cos(RETROREFLECTIVE_LIMIT_RAD))]] = RETRO_SIGNAL
     signal *= hits.transmission[seen]
     signal *= np.exp(hits.range_m[seen] * np.float32(-attenuation_per_m))
     return signal

@@ -44,12 +44,13 @@ class Lidar:
         """calibration: draws the fixed errors of the rings; without it they are perfect."""
         self._sensor, self._real = sensor, sensor.imperfections
         elevation_error_rad = None
-        self._ring_error_m: Float32 = np.zeros(sensor.channels, np.float32)
+        ring_error_m: Float32 = np.zeros(sensor.channels, np.float32)
         if calibration is not None:
             draws = calibration.standard_normal((2, sensor.channels))
             elevation_error_rad = draws[0] * np.deg2rad(self._real.ring_elevation_stddev_deg)
-            self._ring_error_m = (draws[1] * self._real.ring_range_stddev_m).astype(np.float32)
+            ring_error_m = (draws[1] * self._real.ring_range_stddev_m).astype(np.float32)
         self._sweep = LidarSweep(sensor, elevation_error_rad)
+        self._ray_error_m: Float32 = ring_error_m[self._sweep.rings]
         weather = weather or Weather()
         self._air = atmosphere_of(weather, sensor)
         self._wetness = min(weather.rate_mm_per_h, 1.0) if weather.kind == "rain" else 0.0
@@ -102,7 +103,7 @@ class Lidar:
         kept = np.flatnonzero(uniform[targets.rays] < light.share)
         rays = targets.rays[kept]
         range_m = targets.range_m[kept] - targets.relief_m[kept] + noise[rays] * light.stddev_m[kept]
-        range_m += self._ring_error_m[self._sweep.rings[rays]]
+        range_m += self._ray_error_m[rays]
         points = Points(rays, range_m, light.signal[kept], targets.objects[kept])
         if self._real.blooming_deg:
             points = self._with_blooming(points, len(hits.range_m))

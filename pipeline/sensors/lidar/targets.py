@@ -71,8 +71,8 @@ def targets_of(
     if detail is not None and real.relief:
         relief_m = detail.relief_m[rays]
         relief_m /= np.maximum(cos, LEAST_RELIEF_COS)
-    wet, surfaces = np.ones(len(rays), np.float32), hits.surfaces
-    if wetness and surfaces is not None:
+    wet = np.ones(len(rays), np.float32)
+    if wetness and (surfaces := hits.surfaces) is not None:
         ground = np.flatnonzero(_WET[surfaces[rays]] & ~hits.retroreflective[rays])
         wet[ground] -= np.float32(wetness) * (1 - wet_share(cos[ground]))
     objects = hits.objects[rays]

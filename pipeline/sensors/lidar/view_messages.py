@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from advpipe.pipeline.mcap.channel import StampedCdr
-from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import cloud_to_cdr
-from advpipe.pipeline.messages.markers import markers
 from advpipe.pipeline.messages.topics import MAP_FRAME, VehicleTopics
-from advpipe.pipeline.messages.types import serialise
+from advpipe.pipeline.messages.truth_cdr import detections_cdr, markers_cdr, road_users_cdr
 from advpipe.pipeline.sensors.lidar.rig import LidarView
 
 
@@ -18,10 +16,10 @@ def view_messages(vehicle: str, stamp_ns: int, view: LidarView, with_markers: bo
         topic = VehicleTopics(vehicle, name)
         messages.append((topic.lidar_points, cloud_to_cdr(cloud, stamp_ns, topic.lidar_frame), stamp_ns))
     topic, boxes = VehicleTopics(vehicle), view.boxes
-    objects = build.detections_message(stamp_ns, MAP_FRAME, boxes)
-    road_users = build.road_users(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)
-    truth = [(topic.objects, objects), (topic.road_users, road_users)]
+    truth = [
+        (topic.objects, detections_cdr(stamp_ns, MAP_FRAME, boxes)),
+        (topic.road_users, road_users_cdr(stamp_ns, MAP_FRAME, boxes, view.lidar_points, view.occlusion)),
+    ]
     if with_markers:
-        truth.append((topic.markers, markers(stamp_ns, MAP_FRAME, boxes)))
-    messages += [(each, serialise(message, each.type), stamp_ns) for each, message in truth]
-    return messages
+        truth.append((topic.markers, markers_cdr(stamp_ns, MAP_FRAME, boxes)))
+    return messages + [(each, cdr, stamp_ns) for each, cdr in truth]

@@ -6,35 +6,19 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
-
-import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.local_processes import results_ahead, usable_cores
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.v2x.codec.codes import ExteriorLights
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.packed_users import PackedUsers, UserPacker, UserUnpacker
 from advpipe.stages.simulate.traffic.protocol import TrafficSource
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 WORTH_A_PROCESS = 60_000
 """Vehicles times steps: a hundred vehicles for a minute. A process takes seconds to load its libraries."""
-
-
-class _TrafficFrame(NamedTuple):
-    """The N road users of one step, as arrays, since those are pickled fast.
-
-    poses: (N, 4, 4). velocities_mps: (N, 3). variants: of those that were not in an earlier frame.
-    """
-
-    names: tuple[str, ...]
-    poses: Float64
-    velocities_mps: Float64
-    lights: tuple[int, ...]
-    variants: dict[str, Variant]
 
 
 def pays_ahead(scenario: Scenario) -> bool:
@@ -66,8 +50,8 @@ class TrafficAhead(TrafficSource):
         source(scenario, network, variants, scratch)  # checks the scenario
         self._prepare = partial(_frames, source, scenario, network, dict(variants), scratch)
         self._steps = range(scenario.simulation.frames)
-        self._frames: Generator[_TrafficFrame, None, None] | None = None
-        self._variants: dict[str, Variant] = {}
+        self._frames: Generator[PackedUsers, None, None] | None = None
+        self._unpacker = UserUnpacker()
         self._users: dict[str, RoadUser] = {}
 
     def __enter__(self) -> TrafficAhead:
@@ -82,14 +66,7 @@ class TrafficAhead(TrafficSource):
 
     def step(self) -> None:
         assert self._frames is not None
-        frame = next(self._frames)
-        self._variants |= frame.variants
-        self._users = {
-            name: RoadUser(name, self._variants[name], pose, velocity_mps, ExteriorLights(lights))
-            for name, pose, velocity_mps, lights in zip(
-                frame.names, frame.poses, frame.velocities_mps, frame.lights, strict=True
-            )
-        }
+        self._users = {user.id: user for user in self._unpacker.unpack(next(self._frames))}
 
     def road_users(self) -> Mapping[str, RoadUser]:
         return self._users
@@ -108,22 +85,13 @@ def _frames(
     network: RoadNetwork,
     variants: Mapping[str, Variant],
     scratch: Path,
-) -> Callable[[int], _TrafficFrame]:
+) -> Callable[[int], PackedUsers]:
     """Enter the traffic in this process, which ends with the drive; each call steps it."""
     source = source_class(scenario, network, variants, scratch).__enter__()
-    known: set[str] = set()
+    packer = UserPacker()
 
-    def frame(_: int) -> _TrafficFrame:
+    def frame(_: int) -> PackedUsers:
         source.step()
-        users = list(source.road_users().values())
-        new = {user.id: user.variant for user in users if user.id not in known}
-        known.update(new)
-        return _TrafficFrame(
-            tuple(user.id for user in users),
-            np.array([user.map_SE3_base for user in users]).reshape(-1, 4, 4),
-            np.array([user.velocity_mps for user in users]).reshape(-1, 3),
-            tuple(int(user.lights) for user in users),
-            new,
-        )
+        return packer.pack(source.road_users().values())
 
     return frame

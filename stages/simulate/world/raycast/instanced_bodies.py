@@ -66,6 +66,10 @@ class InstancedBodies:
         parts = np.repeat(np.arange(len(lifted), dtype=np.int32), [len(mesh.triangles) for mesh in lifted])
         self._scene = Scene(merge(lifted), parts)
 
+    def prepare(self) -> None:
+        """See `Scene.prepare`."""
+        self._scene.prepare()
+
     def candidate_hits(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateHits:
         """Cast those of the rays (R, 6) in the map's frame that may hit a road user."""
         slots, map_SE3_box = self._boxes(users)

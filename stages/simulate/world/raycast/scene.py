@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -124,12 +126,23 @@ class Scene:
         self._parts = None if parts is None else np.append(parts, np.int32(-1))
         self._normals = np.ascontiguousarray(mesh.unit_normals().T, np.float32)
         self._is_pane = np.append(TRANSMITTANCE[mesh.materials] > 0, False)
-        self._scene = o3d.t.geometry.RaycastingScene()
-        if len(mesh.triangles):
-            self._scene.add_triangles(
-                o3d.core.Tensor(np.ascontiguousarray(mesh.vertices_m, dtype=np.float32)),
-                o3d.core.Tensor(mesh.triangles.astype(np.uint32)),
-            )
+        self._vertices_m = np.ascontiguousarray(mesh.vertices_m, np.float32)
+        self._triangles = mesh.triangles.astype(np.uint32)
+
+    @cached_property
+    def _scene(self) -> o3d.t.geometry.RaycastingScene:
+        """Made for the first cast: a process that casts nothing needs none, and it cannot be pickled."""
+        scene = o3d.t.geometry.RaycastingScene()
+        if len(self._triangles):
+            scene.add_triangles(o3d.core.Tensor(self._vertices_m), o3d.core.Tensor(self._triangles))
+        return scene
+
+    def prepare(self) -> None:
+        """Do now what the first cast would have to do before: a tree of the triangles."""
+        self._first(np.array([[0, 0, 0, 0, 0, 1]], np.float32), None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_scene"}
 
     def cast(self, rays: Float32) -> MaterialHits:
         """Cast rays (R, 6): origin in metres, unit direction."""

@@ -93,23 +93,25 @@ class DetailMap:
         # The ground is seen from above, and a wall in any direction but one at a slant.
         column = self._cell(rays, far_m, 0, np.float32(0.6))
         row = self._cell(rays, far_m, 1, np.float32(-0.8))
-        fine = grain_tile()[((row & _MASK) * SIZE) | (column & _MASK)]
-        stains = cloudy_tile()[((row >> STAIN_BITS & _MASK) * SIZE) | (column >> STAIN_BITS & _MASK)]
+        fine = _looked_up(grain_tile(), row, column)
+        row >>= STAIN_BITS
+        column >>= STAIN_BITS
+        stains = _looked_up(cloudy_tile(), row, column)
         fine *= is_fixed
         stains *= is_fixed
         kinds = materials.astype(np.intp)
         cracks = np.flatnonzero((np.abs(stains) < CRACK) & is_fixed)
         cracks = cracks[_IS_CRACKED[kinds[cracks]]]
-        relief_m = _RELIEF_M[kinds]
+        relief_m = np.take(_RELIEF_M, kinds, mode="clip")
         relief_m *= fine
         texture = fine
         texture *= np.float32(GRAIN)
         texture += stains
-        texture *= _CONTRAST[kinds]
+        texture *= np.take(_CONTRAST, kinds, mode="clip")
         texture += 1
         np.clip(texture, np.float32(0.2), np.float32(1.8), out=texture)
         texture[cracks] *= np.float32(0.5)
-        return SurfaceDetail(texture, relief_m, _GLOSS[kinds])
+        return SurfaceDetail(texture, relief_m, np.take(_GLOSS, kinds, mode="clip"))
 
     def _cell(self, rays: Float32, far_m: Float32, axis: int, of_height: np.float32) -> npt.NDArray[np.int32]:
         """The cells (R,) along one axis of the pattern, in which height counts, too."""
@@ -122,3 +124,11 @@ class DetailMap:
         place_m *= np.float32(1 / GRAIN_M)
         cells: npt.NDArray[np.int32] = np.floor(place_m, out=place_m).astype(np.int32)
         return cells
+
+
+def _looked_up(tile: Float32, row: npt.NDArray[np.int32], column: npt.NDArray[np.int32]) -> Float32:
+    """The values (R,) of a periodic tile in these cells."""
+    place = row & _MASK
+    place *= SIZE
+    place |= column & _MASK
+    return np.take(tile, place, mode="clip")  # the places are inside; "clip" is the fastest

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -70,11 +70,8 @@ class RaycastWorld:
         meshes = body_meshes(variants, scenario.bodies)
         self._bodies = InstancedBodies(variants, meshes)
         self.parked_boxes = boxes_of(self.parked)
-        look = partial(StaticLook, ground, footprints, generator("look"))
-        body_look = partial(BodyLook, [meshes[name] for name in variants])
-        self._make_viewer: Callable[[], Viewer] = lambda: Viewer(
-            self._static, look(), self._bodies, body_look()
-        )
+        self._make_look = partial(StaticLook, ground, footprints, generator("look"))
+        self._make_body_look = partial(BodyLook, [meshes[name] for name in variants])
         self._parked_m = np.array([car.position_m for car in self.parked]).reshape(-1, 3)
 
     def around(self, carrier: RoadUser, users: Sequence[RoadUser]) -> RaycastSurroundings:
@@ -83,7 +80,12 @@ class RaycastWorld:
     @cached_property
     def viewer(self) -> Viewer:
         """What cameras see."""
-        return self._make_viewer()
+        return Viewer(self._static, self._make_look(), self._bodies, self._make_body_look())
+
+    def prepare(self) -> None:
+        """Do what the first cast would have to do before."""
+        self._static.prepare()
+        self._bodies.prepare()
 
     def cast(self, rays: Float32, users: Sequence[RoadUser], range_m: float = np.inf) -> MaterialHits:
         """Cast rays (R, 6) in the map's frame into the static world with these road users.
