@@ -99,7 +99,7 @@ def points_in_boxes(
     """
     boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7)
     radii = np.hypot(boxes[:, 3], boxes[:, 4]) / 2 + margin_m * np.sqrt(2) + 1e-9
-    candidates = _near_any(np.asarray(points), boxes[:, :2], radii)
+    candidates = near_circles(np.asarray(points), boxes[:, :2], radii)
     points = np.asarray(points)[candidates, :3].astype(np.float64)
     order = np.argsort(points[:, 0], kind="stable")
     sorted_x = points[order, 0]
@@ -118,7 +118,7 @@ def points_in_boxes(
     return inside
 
 
-def _near_any(
+def near_circles(
     points: npt.NDArray[np.floating[Any]], centres: Float64, radii: Float64
 ) -> npt.NDArray[np.int64]:
     """Indices of the points (N, 2 or more) in a cell of the x-y grid that any of M circles touches.
