@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from weakref import ref
 
 import numpy as np
 import numpy.typing as npt
@@ -125,10 +127,19 @@ class ScanOrder:
         return found
 
 
+_LAST: ContextVar[tuple[ref[Cloud], ScanOrder | None] | None] = ContextVar("scan order", default=None)
+
+
 def scan_order_of(cloud: Cloud) -> ScanOrder | None:
-    """The order of a clean cloud; None where it tells none."""
+    """The order of a clean cloud; None where it tells none. That of the last cloud is remembered, if nobody
+    can write to it."""
+    last = _LAST.get()
+    if last is not None and last[0]() is cloud:
+        return last[1]
     sensor = SensorGeometry.learnt([cloud], STILL) if len(cloud) else None
-    return None if sensor is None else ScanOrder.learnt(cloud, sensor)
+    found = None if sensor is None else ScanOrder.learnt(cloud, sensor)
+    _LAST.set(None if cloud.flags.writeable else (ref(cloud), found))
+    return found
 
 
 def as_measured(cloud: Cloud, added: Cloud, order: ScanOrder | None) -> Cloud:

@@ -213,7 +213,8 @@ class Attach(LidarAttack):
     ) -> LidarResult:
         """The cloud with the new points at its end, each with the ring and the time of its direction;
         unchanged, with a note, if there is nothing to attack."""
-        scene = chosen_points(cloud, is_finite(cloud))
+        finite = is_finite(cloud)
+        scene = cloud if finite.all() else chosen_points(cloud, finite)
         if not len(scene):
             return unchanged(cloud, "no points to start from")
         clean, seen = xyzi(scene), as_seen_by(self.recipe, detector)
