@@ -1,45 +1,38 @@
-"""How far jobs go past one machine: Ray beside local processes, a killed node, and drives of an hour.
+"""How far jobs go past one machine: Ray beside local processes, and a killed node.
 
     python benchmarks/scale.py throughput          two nodes of one core beside two local workers: 3 minutes
     python benchmarks/scale.py driver --bag DRIVE  what the driver alone spends on a frame: 1 minute
     python benchmarks/scale.py killed --bag DRIVE  a node is killed in the middle of an attack: 3 minutes
-    python benchmarks/scale.py length              cost of a frame in drives of 100 to 30,000: 5 minutes;
-                                                  with --jobs 30000 all of them are attacked: an hour
 
-All but `length` need `pip install 'advpipe[cluster]'`. What they print is in docs/scale.md.
+All need `pip install 'advpipe[cluster]'`. What they print is in docs/scale.md. `throughput` runs both in
+turn, and prints the ratio of their rates, and that of the processor time of all their processes: where both
+cores are busy with nothing else, the rates are to each other as these. Drives of up to an hour:
+`scale_length.py`.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import resource
+import os
 import statistics
-import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
-from advpipe.pipeline.bag.part import BagSplit
-from advpipe.pipeline.bag.provenance import clean_provenance
-from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.cluster.connect import use_cluster
 from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.core.jobs import stream_jobs
-from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.geometry.transforms import se3_from_yaw
-from advpipe.pipeline.messages import build
-from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
-from advpipe.pipeline.messages.topics import SCENARIO_INFO, TF_STATIC, VehicleTopics
+from advpipe.pipeline.messages.cloud import cloud_to_cdr
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.attack.job import Job
 from advpipe.stages.attack.lidar.base import unchanged
 
@@ -47,9 +40,6 @@ MARK = 0.9
 """The share of the local throughput that a cluster has to reach."""
 RESULT_BYTES = 1_300_000
 """Of an attacked cloud of 60,000 points."""
-
-START_NS, PERIOD_NS = 1_767_268_800_000_000_000, 100_000_000
-SPLIT_S = 60.0
 
 Nodes = tuple[str, Callable[[], object]]
 """The address of a cluster, and what kills one of its nodes."""
@@ -68,27 +58,58 @@ def prepare_work(work_s: float) -> Callable[[int], bytes]:
     return work
 
 
-def seconds_a_job(jobs: int, work_s: float, workers: int | None) -> float:
-    """Wall time between results, once all workers are at work."""
-    times_s = []
-    for _ in stream_jobs(partial(prepare_work, work_s), range(jobs), "working", workers, jobs_per_worker=1):
-        times_s.append(time.monotonic())
-    warm = max(4, jobs // 8)
-    return (times_s[-1] - times_s[warm]) / (len(times_s) - 1 - warm)
+@dataclass(frozen=True)
+class Rate:
+    """Of jobs, once all workers are at work: wall time of one, and processor time of all processes."""
+
+    wall_s: float
+    cpu_s: float
+
+
+def rate(jobs: int, work_s: float, workers: int | None) -> Rate:
+    """The rate of jobs, from when each worker has done some to before the last one, when a worker idles."""
+    begin, end, warm = (0.0, 0.0), (0.0, 0.0), max(4, jobs // 8)
+    work = stream_jobs(partial(prepare_work, work_s), range(jobs), "working", workers, jobs_per_worker=1)
+    for done, _ in enumerate(work, 1):
+        if done == warm:
+            begin = time.monotonic(), tree_cpu_s()
+        elif done == jobs - 1:
+            end = time.monotonic(), tree_cpu_s()
+    wall_s, cpu_s = ((after - before) / (jobs - 1 - warm) for before, after in zip(begin, end, strict=True))
+    return Rate(wall_s, cpu_s)
 
 
 def throughput(jobs: int, work_s: float, rounds: int) -> None:
-    """Prints what two nodes of one core do beside two local workers."""
-    ratios = []
+    """Prints what two nodes of one core do beside two local workers, both in turn."""
+    ratios, costs = [], []
     with two_nodes() as (address, _):
         for number in range(rounds):
             with use_cluster(address):
-                ray_s = seconds_a_job(jobs, work_s, None)
-            local_s = seconds_a_job(jobs, work_s, 2)
-            ratios.append(local_s / ray_s)
-            print(f"round {number + 1}: local {1 / local_s:.3f} jobs/s, Ray {1 / ray_s:.3f} jobs/s")
-    ratio = statistics.median(ratios)
-    print(f"Ray reaches {ratio:.2f} of two local workers, mark {MARK}: {'ok' if ratio >= MARK else 'BELOW'}")
+                remote = rate(jobs, work_s, None)
+            local = rate(jobs, work_s, 2)
+            ratios.append(local.wall_s / remote.wall_s)
+            costs.append(local.cpu_s / remote.cpu_s)
+            print(
+                f"round {number + 1}: local {1 / local.wall_s:.3f} jobs/s, Ray {1 / remote.wall_s:.3f} "
+                f"jobs/s; processor time a job {local.cpu_s:.3f} and {remote.cpu_s:.3f} s",
+                flush=True,
+            )
+    found = statistics.median(ratios)
+    print(f"in the same processor time, Ray does {statistics.median(costs):.2f} of the work")
+    print(f"Ray reaches {found:.2f} of two local workers, mark {MARK}: {'ok' if found >= MARK else 'BELOW'}")
+
+
+def tree_cpu_s() -> float:
+    """Processor time of this process, its children and theirs; those that have ended are left out."""
+    found = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = stat.read_text().rpartition(")")[2].split()
+            found[int(stat.parent.name)] = int(fields[1]), int(fields[11]) + int(fields[12])
+    family = {os.getpid()}
+    while grown := {pid for pid, (parent, _) in found.items() if parent in family} - family:
+        family |= grown
+    return sum(found[pid][1] for pid in family if pid in found) / os.sysconf("SC_CLK_TCK")
 
 
 def driver(bag: Path, results: int) -> None:
@@ -133,71 +154,6 @@ def killed(bag: Path, frames: str) -> None:
         print(f"node killed: {not killer.is_alive()}; {sum(alike)} of {len(names)} files have the same bytes")
 
 
-def length(counts: list[int], attacked: int) -> None:
-    """Prints processor time and memory for each length of drive, in a process of its own."""
-    for count in counts:
-        command = [sys.executable, __file__, "one-length", "--jobs", str(attacked), "--counts", str(count)]
-        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-        found = json.loads(done.stdout.splitlines()[-1])
-        times = ", ".join(f"{name} {value:.2f} ms" for name, value in found["ms"].items())
-        print(
-            f"{count:6,} frames, {found['files']:2} files: {times}; peak {found['peak_mb']:.0f} MB",
-            flush=True,
-        )
-
-
-def one_length(count: int, attacked: int) -> None:
-    """Records a drive of small clouds in files of a minute, reads frames all over it, and attacks some.
-
-    Milliseconds of processor time: of writing a frame, of opening the bag, of reading one frame as a job
-    does, and of attacking one.
-    """
-    import advpipe
-
-    spent_ms, step = {}, max(1, count // attacked)
-    with tempfile.TemporaryDirectory() as scratch:
-        drive = Path(scratch, "drive")
-        begin_s = time.process_time()
-        write_drive(drive, count)
-        spent_ms["write"] = 1000 * (time.process_time() - begin_s) / count
-        begin_s = time.process_time()
-        reader = BagReader(drive)
-        reader.log_times_ns(VehicleTopics("ego").lidar_points.name)
-        spent_ms["open"] = 1000 * (time.process_time() - begin_s)
-        begin_s, read = time.process_time(), range(0, count, max(1, count // 100))
-        for frame in read:
-            next(read_frames(reader, FrameSlice(frame, frame + 1)))
-        spent_ms["read"] = 1000 * (time.process_time() - begin_s) / len(read)
-        advpipe.attack(drive, recipe="random", frames="0", workers=1, out=Path(scratch, "warm"))
-        begin_s = time.process_time()
-        out = Path(scratch, "attacked")
-        advpipe.attack(drive, recipe="random", ratio=0.1, frames=f"::{step}", workers=1, out=out)
-        spent_ms["attack"] = 1000 * (time.process_time() - begin_s) / len(range(0, count, step))
-        files = len(list(drive.glob("*.mcap")))
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps({"ms": spent_ms, "files": files, "peak_mb": peak_mb}))
-
-
-def write_drive(path: Path, count: int) -> None:
-    """A drive at 10 Hz of a car 20 m ahead: 600 points a cloud, in files of `SPLIT_S`."""
-    ego, draw = VehicleTopics("ego"), np.random.default_rng(1)
-    box = Boxes(np.array([[20.0, 0.0, -1.0, 4.5, 1.9, 1.6, 0.0]]), np.array([0]), ("veh1",), np.zeros((1, 3)))
-    record = clean_provenance("scale", f"recording: {{split_s: {SPLIT_S}}}\n", 1, "0" * 64)
-    mount = se3_from_yaw([0.0, 0.0, 1.8], 0.0)
-    with BagWriter(path, provenance=record, split=BagSplit(SPLIT_S)) as bag:
-        bag.write(TF_STATIC, build.transforms(START_NS, [(ego.base_frame, ego.lidar_frame, mount)]), START_NS)
-        bag.write(SCENARIO_INFO, build.string("{}"), START_NS)
-        for frame in range(count):
-            stamp_ns = START_NS + frame * PERIOD_NS
-            cloud = np.zeros(600, POINT_DTYPE)
-            cloud["x"] = draw.uniform(18, 22, 600)
-            cloud["y"], cloud["z"] = draw.uniform(-1, 1, 600), draw.uniform(-1.8, -0.2, 600)
-            pose = build.odometry(stamp_ns, se3_from_yaw([frame, 0, 0], 0.0), [10.0, 0, 0], [0, 0, 0])
-            bag.write(ego.objects, build.detections_message(stamp_ns, ego.lidar_frame, box), stamp_ns)
-            bag.write(ego.true_odometry, pose, stamp_ns)
-            bag.write_cdr(ego.lidar_points, cloud_to_cdr(cloud, stamp_ns, ego.lidar_frame), stamp_ns)
-
-
 @contextmanager
 def two_nodes() -> Iterator[Nodes]:
     """Ray's local cluster: a head without cores, and two nodes of one core."""
@@ -223,24 +179,19 @@ def _kill_later(folder: Path, kill: Callable[[], object]) -> None:
 def main() -> None:
     """Runs the named part."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("part", choices=("throughput", "driver", "killed", "length", "one-length"))
+    parser.add_argument("part", choices=("throughput", "driver", "killed"))
     parser.add_argument("--jobs", type=int, default=40)
     parser.add_argument("--work-s", type=float, default=1.0)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--bag", type=Path)
     parser.add_argument("--frames", default="::10")
-    parser.add_argument("--counts", type=int, nargs="+", default=[100, 1000, 10_000, 30_000])
     given = parser.parse_args()
     if given.part == "throughput":
         throughput(given.jobs, given.work_s, given.rounds)
     elif given.part == "driver":
         driver(given.bag, 3 * given.jobs)
-    elif given.part == "killed":
-        killed(given.bag, given.frames)
-    elif given.part == "length":
-        length(given.counts, given.jobs)
     else:
-        one_length(given.counts[0], given.jobs)
+        killed(given.bag, given.frames)
 
 
 if __name__ == "__main__":

@@ -29,9 +29,17 @@ def remove_random_points(
     """
     is_finite = np.isfinite(xyz(cloud)).all(axis=1)
     near = is_finite & points_near(cloud, boxes)
-    inside = rng.choice(np.flatnonzero(near), size=min(count, int(near.sum())), replace=False)
-    others = rng.choice(np.flatnonzero(is_finite & ~near), size=count - len(inside), replace=False)
+    inside = random_points(np.flatnonzero(near), min(count, int(near.sum())), rng)
+    others = random_points(np.flatnonzero(is_finite & ~near), count - len(inside), rng)
     return np.delete(np.arange(len(cloud)), np.concatenate([inside, others]))
+
+
+def random_points(
+    points: npt.NDArray[np.int64], count: int, rng: np.random.Generator
+) -> npt.NDArray[np.int64]:
+    """`count` of these points (K,), each at most once, drawn uniformly."""
+    drawn: npt.NDArray[np.int64] = rng.choice(points, size=count, replace=False)
+    return drawn
 
 
 def add_random_points(
@@ -74,7 +82,8 @@ def move_within(
     offset = np.asarray(offset_m, dtype=np.float64)
     end = (start + offset).astype(np.float32)
     too_far = np.abs(end.astype(np.float64) - start) > np.abs(offset)
-    return np.where(too_far, np.nextafter(end, start), end)
+    nearer: npt.NDArray[np.float32] = np.nextafter(end, start, out=end, where=too_far)
+    return nearer
 
 
 def random_offsets(count: int, radius_m: float, rng: np.random.Generator) -> Float64:

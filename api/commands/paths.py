@@ -35,6 +35,15 @@ def default_output(clean: Path, name: str, folder: str = "") -> Path:
     return beside / folder / name
 
 
+def output_beside(bag: Path, name: str, out: Path | None = None) -> Path:
+    """The output that the user names; without one, what has this name beside a bag, and for a bag in an
+    object store under `datasets`. Raises UsageError for one in an object store."""
+    if out is not None:
+        refuse_remote(out, "name a folder of this machine with --out")
+        return out
+    return working_path(DATA_SETS) / name if isinstance(bag, RemotePath) else bag.with_name(name)
+
+
 def refuse_existing(out: Path, overwrite: bool) -> None:
     """Raises OutputExistsError for an output that is there and is not to be overwritten.
 

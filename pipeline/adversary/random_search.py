@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.adversary.constraints import Rules
 from advpipe.pipeline.adversary.displacement import displaced
+from advpipe.pipeline.geometry.lengths import lengths
 
 Float32 = npt.NDArray[np.float32]
 Bool = npt.NDArray[np.bool_]
@@ -32,7 +33,7 @@ class RandomSearch:
         points, rules, rng = self.points, self.rules, self.rng
         for _ in range(steps):
             directions = rng.standard_normal((len(points), 3))
-            directions *= self.reach_m / np.linalg.norm(directions, axis=1, keepdims=True)
+            directions *= self.reach_m / lengths(directions)[:, None]
             chosen = rules.limit(np.where(rules.allowed & self.near, rng.random(len(points)), 0))
             offset_m = rules.project(np.where(chosen[:, None], directions, 0.0))
             moved = displaced(points, offset_m, self.reach_m)

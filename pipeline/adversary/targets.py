@@ -9,11 +9,14 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from advpipe.pipeline.detector.no_detector import NoDetector
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_points
-from advpipe.pipeline.messages.cloud import Cloud, cloud_of_xyzi, xyz, xyzi
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, cloud_of_xyzi, xyz, xyzi
 
 Float32 = npt.NDArray[np.float32]
+
+NO_POINTS: Cloud = np.zeros(0, POINT_DTYPE)
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ def find_targets(detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Attack
 
     These are of its classes, in its range, and hold at least `MIN_POINTS` points of the cloud.
     """
+    if not len(boxes):
+        return AttackTargets(torch.zeros((0, 7)), torch.zeros(0, dtype=torch.int64))
     label_of = np.array([detector.classes.index(c) if c in detector.classes else -1 for c in CLASSES])
     labels = label_of[boxes.labels]
     wanted = (
@@ -48,6 +53,8 @@ def find_targets(detector: ObjectDetector, cloud: Cloud, boxes: Boxes) -> Attack
 def look(detector: ObjectDetector, points: Float32, targets: AttackTargets) -> tuple[float, Detections]:
     """The detector's loss on points (N, 4), all finite, without a unit, NaN without targets; and what it
     detects in them, in the same pass if it is a `VoxelDetector` that can."""
+    if isinstance(detector, NoDetector):
+        return float("nan"), detector.detect(NO_POINTS)
     given = torch.from_numpy(points)
     if len(targets) and isinstance(detector, VoxelDetector):
         with torch.no_grad():

@@ -35,7 +35,8 @@ class CoordinateGrid:
     def learnt(cls, cloud: Cloud) -> CoordinateGrid | None:
         """From a cloud (N,), clean or with some points changed; None if coordinates are not rounded."""
         points = xyz(cloud)
-        points = points[np.isfinite(points).all(axis=1)]
+        finite = np.isfinite(points[:, 0]) & np.isfinite(points[:, 1]) & np.isfinite(points[:, 2])
+        points = points if finite.all() else points[finite]
         if len(points) < MIN_POINTS:
             return None
         few = points[:: max(1, len(points) // 500)]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from weakref import ref
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
+from advpipe.pipeline.geometry.lengths import lengths
+from advpipe.pipeline.geometry.nearest_points import nearest_points
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 
 Int64 = npt.NDArray[np.int64]
@@ -123,10 +127,19 @@ class ScanOrder:
         return found
 
 
+_LAST: ContextVar[tuple[ref[Cloud], ScanOrder | None] | None] = ContextVar("scan order", default=None)
+
+
 def scan_order_of(cloud: Cloud) -> ScanOrder | None:
-    """The order of a clean cloud; None where it tells none."""
+    """The order of a clean cloud; None where it tells none. That of the last cloud is remembered, if nobody
+    can write to it."""
+    last = _LAST.get()
+    if last is not None and last[0]() is cloud:
+        return last[1]
     sensor = SensorGeometry.learnt([cloud], STILL) if len(cloud) else None
-    return None if sensor is None else ScanOrder.learnt(cloud, sensor)
+    found = None if sensor is None else ScanOrder.learnt(cloud, sensor)
+    _LAST.set(None if cloud.flags.writeable else (ref(cloud), found))
+    return found
 
 
 def as_measured(cloud: Cloud, added: Cloud, order: ScanOrder | None) -> Cloud:
@@ -158,16 +171,14 @@ def scan_keys(added: Cloud, order: ScanOrder | None) -> Int64:
 
 
 def _beside_nearest(cloud: Cloud, added: Cloud) -> Int64:
-    from scipy.spatial import cKDTree
-
     own = _directions(cloud)
-    seen = np.flatnonzero(np.isfinite(own).all(axis=1))
+    seen = np.flatnonzero(np.isfinite(own[:, 0]) & np.isfinite(own[:, 1]) & np.isfinite(own[:, 2]))
     if not len(seen):
         return np.full(len(added), len(cloud), np.int64)
     wanted = _directions(added)
-    _, nearest = cKDTree(own[seen]).query(np.nan_to_num(wanted))
+    _, nearest = nearest_points(own[seen], np.nan_to_num(wanted), None)
     before, after = own[seen[np.maximum(nearest - 1, 0)]], own[seen[np.minimum(nearest + 1, len(seen) - 1)]]
-    is_later = np.linalg.norm(wanted - after, axis=1) < np.linalg.norm(wanted - before, axis=1)
+    is_later = lengths(wanted - after) < lengths(wanted - before)
     beside: Int64 = (seen[nearest] + is_later).astype(np.int64)
     return beside
 
@@ -175,7 +186,7 @@ def _beside_nearest(cloud: Cloud, added: Cloud) -> Int64:
 def _directions(cloud: Cloud) -> Float64:
     points = xyz(cloud).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
-        way: Float64 = points / np.linalg.norm(points, axis=1, keepdims=True)
+        way: Float64 = points / lengths(points)[:, None]
     return way
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.cloud import Cloud, chosen_points, xyz
 
 Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]
@@ -52,6 +52,19 @@ class Directions:
         range_m[~(np.isfinite(range_m) & (range_m > MIN_RANGE_M))] = np.nan
         return cls(np.arctan2(z, flat_m), np.arctan2(y, x), range_m)
 
+    @classmethod
+    def joined(cls, parts: Sequence[Directions]) -> Directions:
+        """Those of several clouds, in order."""
+        return cls(
+            np.concatenate([part.elevation_rad for part in parts]),
+            np.concatenate([part.azimuth_rad for part in parts]),
+            np.concatenate([part.range_m for part in parts]),
+        )
+
+    def among(self, which: Bool) -> Directions:
+        """Those of some points (N,)."""
+        return Directions(self.elevation_rad[which], self.azimuth_rad[which], self.range_m[which])
+
 
 @dataclass(frozen=True)
 class SensorGeometry:
@@ -72,11 +85,15 @@ class SensorGeometry:
     @classmethod
     def learnt(cls, clean: Sequence[Cloud], typical: float = TYPICAL) -> SensorGeometry | None:
         """From clean clouds; None if they tell no rings apart. typical: the share of points on their rays."""
-        cloud = np.concatenate([each[np.isfinite(Directions.of(each).range_m)] for each in clean])
+        if len(clean) == 1 and len(clean[0]) and (clean[0]["ring"] == clean[0]["ring"][0]).all():
+            return None  # most clouds without rings: nothing has to be computed
+        ways = [Directions.of(each) for each in clean]
+        seen = [np.isfinite(each.range_m) for each in ways]
+        cloud = np.concatenate([chosen_points(*each) for each in zip(clean, seen, strict=True)])
         rings = np.unique(cloud["ring"])
         if len(rings) < 2:
             return None
-        way = Directions.of(cloud)
+        way = Directions.joined([each.among(finite) for each, finite in zip(ways, seen, strict=True)])
         elevations = np.full(int(rings[-1]) + 1, np.nan)
         for ring in rings:
             elevations[ring] = np.median(way.elevation_rad[cloud["ring"] == ring])
@@ -85,7 +102,9 @@ class SensorGeometry:
         if np.quantile(off_rad, typical) > MAX_SPREAD * spacing_rad:
             return None
         fullest = rings[np.argmax(np.bincount(cloud["ring"])[rings])]
-        azimuths = [Directions.of(each[each["ring"] == fullest]).azimuth_rad for each in clean]
+        azimuths = [
+            each.azimuth_rad[points["ring"] == fullest] for each, points in zip(ways, clean, strict=True)
+        ]
         steps_rad = np.concatenate([np.diff(np.sort(each)) for each in azimuths])
         columns = max(1, round(2 * np.pi / max(float(np.median(steps_rad)), 1e-5)))
         phase, off = _phase(way.azimuth_rad, columns, typical)

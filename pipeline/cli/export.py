@@ -43,6 +43,7 @@ def export(
     of the VeReMi Extension, a file a receiver and one of ground truth; veremi-2018: of VeReMi. log: the log
     of V2X messages that the drive was imported from, as it was.
     """
+    from advpipe.commands.paths import output_beside
     from advpipe.pipeline.bag.locate import bag_named
     from advpipe.pipeline.core.errors import UsageError
 
@@ -57,7 +58,7 @@ def export(
     from advpipe.stages.export.run import export_bags
 
     named = bag_named(bag)
-    target = out or named.with_name(f"{named.stem if named.is_file() else named.name}-{format}")
+    target = output_beside(named, f"{named.stem if named.is_file() else named.name}-{format}", out)
     options = ExportOptions(lidar, FrameSlice.parse(frames))
     summary = export_bags(bag, format, target, options, overwrite=overwrite)
     shown = str(summary).removeprefix(f"{summary.folder}: ")
@@ -81,6 +82,7 @@ def _what_next(folder: Path, form: str) -> str:
 
 
 def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer:
+    from advpipe.commands.paths import output_beside
     from advpipe.pipeline.bag.locate import resolve_bag
     from advpipe.pipeline.bag.reader import BagReader
     from advpipe.pipeline.core.errors import UsageError, as_usage_error
@@ -95,7 +97,7 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
                 raise UsageError(f"{source} was imported from a log; give --format log")
             clouds = ", ".join(FORMATS[: FORMATS.index(LOG)])
             raise UsageError(f"{source} holds no V2X messages to write as {format}; give --format: {clouds}")
-    target = out or source.with_name(f"{source.name if source.is_dir() else source.stem}-{format}")
+    target = output_beside(source, f"{source.name if source.is_dir() else source.stem}-{format}", out)
     written = export_veremi(source, target, form=V2X_FORMATS[format], overwrite=overwrite)
 
     def show() -> None:
@@ -113,6 +115,7 @@ def _veremi(bag: Path, format: str, out: Path | None, overwrite: bool) -> Answer
 
 
 def _log(bag: Path, out: Path | None, overwrite: bool) -> Answer:
+    from advpipe.commands.paths import output_beside
     from advpipe.pipeline.bag.locate import adversarial_bags, bag_named, resolve_bag
     from advpipe.pipeline.core.errors import as_usage_error
     from advpipe.pipeline.dataset.layout import is_dataset
@@ -122,9 +125,8 @@ def _log(bag: Path, out: Path | None, overwrite: bool) -> Answer:
         source = resolve_bag(bag)
         if is_dataset(bag) and (attacked := adversarial_bags(bag)):
             source = attacked[0]  # the clean bag lacks the false beacons
-    written = export_log(
-        source, out or bag_named(bag).with_name(f"{bag_named(bag).name}-log"), overwrite=overwrite
-    )
+    target = output_beside(bag_named(bag), f"{bag_named(bag).name}-log", out)
+    written = export_log(source, target, overwrite=overwrite)
 
     def show() -> None:
         print(f"{counted(written.files, 'file')}, {counted(written.records, 'record')}")

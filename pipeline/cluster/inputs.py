@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from advpipe.pipeline.core.remote_path import RemotePath
+
 _ENDS_BYTES = 1 << 16
 
 
@@ -71,6 +73,8 @@ def packed(value: object) -> tuple[bytes, tuple[Input, ...]]:
     class Packer(pickle.Pickler):
         def persistent_id(self, one: object) -> Any:
             is_path = isinstance(one, Path)
+            if isinstance(one, RemotePath):
+                return None  # every node reads the store itself
             if not is_path and not (isinstance(one, str) and one.endswith(".safetensors")):
                 return None
             path = Path(str(one))

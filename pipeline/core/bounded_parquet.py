@@ -208,7 +208,7 @@ def _pages(path: Path, file: Any, column: str, chunk: Chunk) -> Iterator[Page]:
 
 def _size(path: Path) -> int:
     try:
-        return os.stat(path).st_size
+        return path.stat().st_size
     except OSError as error:
         raise _no_table(path, error) from None
 

@@ -112,7 +112,7 @@ def _points_inside(
     """The indices of the points inside each box, in the order of their x."""
     boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7)
     radii = np.hypot(boxes[:, 3], boxes[:, 4]) / 2 + margin_m * np.sqrt(2) + 1e-9
-    candidates = _near_any(np.asarray(points), boxes[:, :2], radii)
+    candidates = near_circles(np.asarray(points), boxes[:, :2], radii)
     points = np.asarray(points)[candidates, :3].astype(np.float64)
     low_x = points[:, 0].min(initial=np.inf)
     per_m = (2**16 - 1) / max(points[:, 0].max(initial=-np.inf) - low_x, 1e-3)
@@ -137,7 +137,7 @@ def _points_inside(
         yield candidates[first:last][hit]
 
 
-def _near_any(
+def near_circles(
     points: npt.NDArray[np.floating[Any]], centres: Float64, radii: Float64
 ) -> npt.NDArray[np.int64]:
     """Indices of the points (N, 2 or more) in a cell of the x-y grid that any of M circles touches.

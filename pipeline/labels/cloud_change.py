@@ -8,8 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.labels.points import ADDED, MOVED, REMOVED, PointLabels
-from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.geometry.lengths import lengths
+from advpipe.pipeline.geometry.nearest_points import nearest_points
+from advpipe.pipeline.labels.points import PointLabels
+from advpipe.pipeline.messages.cloud import Cloud, chosen_points, is_finite, xyz
 
 Float64 = npt.NDArray[np.float64]
 
@@ -30,29 +32,29 @@ class CloudChange:
     @cached_property
     def finite(self) -> int:
         """How many points of the clean cloud have coordinates and an intensity."""
-        return int(np.isfinite(xyzi(self.clean)).all(axis=1).sum())
+        return int(is_finite(self.clean).sum())
 
     @cached_property
     def added(self) -> Cloud:
         """The added points, in the order of their labels."""
-        found: Cloud = self.adversarial[self.labels.places(len(self.clean))[self.labels.action == ADDED]]
-        return found
+        return chosen_points(self.adversarial, self.labels.places(len(self.clean))[self.labels.is_added])
 
     @cached_property
     def survivors(self) -> tuple[Cloud, Cloud]:
         """The points that were not removed, before and after."""
         labels = self.labels
         kept, ours = np.ones(len(self.clean), bool), np.ones(len(self.adversarial), bool)
-        kept[labels.point[labels.action == REMOVED]] = False
-        ours[labels.places(len(self.clean))[labels.action == ADDED]] = False
-        return self.clean[kept], self.adversarial[ours]
+        kept[labels.point[labels.is_removed]] = False
+        ours[labels.places(len(self.clean))[labels.is_added]] = False
+        return chosen_points(self.clean, kept), chosen_points(self.adversarial, ours)
 
     @cached_property
     def moved(self) -> tuple[Cloud, Cloud]:
         """The moved points before and after."""
-        is_moved = self.labels.action == MOVED
+        is_moved = self.labels.is_moved
         places = self.labels.places(len(self.clean))[is_moved]
-        return self.clean[self.labels.point[is_moved]], self.adversarial[places]
+        before = chosen_points(self.clean, self.labels.point[is_moved])
+        return before, chosen_points(self.adversarial, places)
 
     @cached_property
     def offset_m(self) -> Float64:
@@ -64,7 +66,7 @@ class CloudChange:
     @cached_property
     def displacement_m(self) -> Float64:
         """How far each moved point was moved."""
-        moved_m: Float64 = np.linalg.norm(self.offset_m, axis=1)
+        moved_m: Float64 = lengths(self.offset_m)
         return moved_m
 
     @cached_property
@@ -78,15 +80,7 @@ class CloudChange:
     @cached_property
     def added_distance_m(self) -> Float64:
         """The distance of each added point to the nearest point of the clean cloud."""
-        from scipy.spatial import cKDTree
-
-        added = self.added
-        scene = xyz(self.clean[np.isfinite(xyzi(self.clean)).all(axis=1)]).astype(np.float64)
-        if not len(added) or not len(scene):
-            return np.full(len(added), np.inf)
-        tree = cKDTree(scene, balanced_tree=False, compact_nodes=False)  # few queries: most time is building
-        distance_m: Float64 = tree.query(xyz(added).astype(np.float64))[0]
-        return distance_m
+        return nearest_points(xyz(self.clean)[is_finite(self.clean)], xyz(self.added))[0]
 
     @cached_property
     def intensity_change(self) -> Float64:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+
+Bool = npt.NDArray[np.bool_]
 
 MOVED, ADDED, REMOVED = "moved", "added", "removed"
 ACTIONS = (REMOVED, MOVED, ADDED)
@@ -33,12 +36,33 @@ class PointLabels:
     def __len__(self) -> int:
         return len(self.point)
 
+    @cached_property
+    def is_removed(self) -> Bool:
+        """Which of them (K,) were removed."""
+        return self._are(REMOVED)
+
+    @cached_property
+    def is_moved(self) -> Bool:
+        """Which of them (K,) were moved."""
+        return self._are(MOVED)
+
+    @cached_property
+    def is_added(self) -> Bool:
+        """Which of them (K,) were added."""
+        return self._are(ADDED)
+
+    def _are(self, action: str) -> Bool:
+        same: Bool = self.action == action
+        return same
+
     def places(self, points: int) -> npt.NDArray[np.int64]:
         """The index (K,) of each touched point in the adversarial cloud, -1 for a removed one; points: of the
         clean cloud."""
         if self.attacked is not None:
             return self.attacked
-        is_removed, is_added = self.action == REMOVED, self.action == ADDED
+        is_removed, is_added = self.is_removed, self.is_added
+        if not (is_removed.any() or is_added.any()):
+            return self.point.astype(np.int64, copy=False)
         kept = np.ones(points, bool)
         kept[self.point[is_removed]] = False
         place = np.cumsum(kept) - 1

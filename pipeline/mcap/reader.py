@@ -15,13 +15,15 @@ import numpy.typing as npt
 import zstandard
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Statistics
+from mcap.records import Chunk, ChunkIndex, Statistics
 from mcap.summary import Summary
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.mcap.ends import check_ends
+from advpipe.pipeline.mcap.recent_chunks import LARGEST_BYTES, RECENT_CHUNKS, UnpackedChunk
 from advpipe.pipeline.mcap.records import (
+    InnerMessage,
     inner_records,
     parse_chunk,
     parse_message,
@@ -73,7 +75,7 @@ class McapFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self._key = path, object()
         with mcap_errors(path):
             check_ends(path)
             with path.open("rb") as stream:
@@ -147,14 +149,40 @@ class McapFile:
                 held_bytes -= len(item.cdr) + MESSAGE_BYTES
                 yield item
                 continue
-            record = next(read_records(stream, chunk_start, chunk_start + item.chunk_length))
-            if record.opcode != Opcode.CHUNK:
-                raise ValueError(f"a chunk index points at byte {chunk_start}, where there is no chunk")
-            for offset, raw in self._messages_in(record.body, budget, ids, first_ns, last_ns):
+            for offset, raw in self._messages_of(stream, item, budget, ids, first_ns, last_ns):
                 heapq.heappush(waiting, (raw.log_time_ns, chunk_start, offset, raw))
                 held_bytes += len(raw.cdr) + MESSAGE_BYTES
                 if held_bytes > WAITING_LIMIT_BYTES:
                     raise ValueError(f"more than {WAITING_LIMIT_BYTES} bytes of messages are out of order")
+
+    def _messages_of(
+        self,
+        stream: IO[bytes],
+        index: ChunkIndex,
+        budget: UnpackBudget,
+        ids: set[int],
+        first_ns: int,
+        last_ns: int,
+    ) -> Iterator[tuple[int, RawMessage]]:
+        """The messages of a chunk with their offsets in it; a chunk that was read shortly before is not
+        unpacked again."""
+        start = index.chunk_start_offset
+        chunk = RECENT_CHUNKS.find(self._key, start)
+        if chunk is None:
+            record = next(read_records(stream, start, start + index.chunk_length))
+            if record.opcode != Opcode.CHUNK:
+                raise ValueError(f"a chunk index points at byte {start}, where there is no chunk")
+            packed = parse_chunk(record.body)
+            if packed.uncompressed_size > LARGEST_BYTES:
+                yield from self._messages_in(packed, budget, ids, first_ns, last_ns)
+                return
+            chunk = UnpackedChunk.of(budget.unpack(packed))
+            self._refuse_undefined(chunk.by_channel)
+            RECENT_CHUNKS.keep(self._key, start, chunk)
+        budget.count_messages(chunk.count)
+        for offset, message in chunk.messages(ids):
+            if first_ns <= message.log_time_ns <= last_ns:
+                yield offset, self._raw(message)
 
     def _chunks_within(self, first_ns: int, last_ns: int) -> list[ChunkIndex]:
         """The chunks with messages of this span; in a recording of an hour, one of tens of thousands."""
@@ -176,7 +204,7 @@ class McapFile:
         newest_ns, budget = 0, self._budget()
         for record in data_records(stream):
             if record.opcode == Opcode.CHUNK:
-                inside = self._messages_in(record.body, budget, ids, first_ns, last_ns)
+                inside = self._messages_in(parse_chunk(record.body), budget, ids, first_ns, last_ns)
             elif record.opcode == Opcode.MESSAGE:
                 inside = self._selected(0, memoryview(record.body), ids, first_ns, last_ns)
             else:
@@ -188,33 +216,37 @@ class McapFile:
                 yield raw
 
     def _messages_in(
-        self, chunk: bytes, budget: UnpackBudget, ids: set[int], first_ns: int, last_ns: int
+        self, chunk: Chunk, budget: UnpackBudget, ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[tuple[int, RawMessage]]:
-        for opcode, offset, body in inner_records(budget.unpack(parse_chunk(chunk))):
+        for opcode, offset, body in inner_records(budget.unpack(chunk)):
             if opcode == Opcode.MESSAGE:
-                budget.count_message()
+                budget.count_messages(1)
                 yield from self._selected(offset, body, ids, first_ns, last_ns)
 
     def _selected(
         self, offset: int, body: memoryview, ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[tuple[int, RawMessage]]:
         message = parse_message(body)
-        if message.channel_id not in self.topics:
-            raise ValueError(f"a message belongs to channel {message.channel_id}, which is not defined")
+        self._refuse_undefined((message.channel_id,))
         if message.channel_id in ids and first_ns <= message.log_time_ns <= last_ns:
-            text, encoding = self._schema_of[message.channel_id]
-            yield (
-                offset,
-                RawMessage(
-                    topic=self.topics[message.channel_id],
-                    schema=text,
-                    cdr=bytes(message.data),
-                    log_time_ns=message.log_time_ns,
-                    publish_time_ns=message.publish_time_ns,
-                    sequence=message.sequence,
-                    schema_encoding=encoding,
-                ),
-            )
+            yield offset, self._raw(message)
+
+    def _refuse_undefined(self, channel_ids: Iterable[int]) -> None:
+        for channel_id in channel_ids:
+            if channel_id not in self.topics:
+                raise ValueError(f"a message belongs to channel {channel_id}, which is not defined")
+
+    def _raw(self, message: InnerMessage) -> RawMessage:
+        text, encoding = self._schema_of[message.channel_id]
+        return RawMessage(
+            topic=self.topics[message.channel_id],
+            schema=text,
+            cdr=bytes(message.data),
+            log_time_ns=message.log_time_ns,
+            publish_time_ns=message.publish_time_ns,
+            sequence=message.sequence,
+            schema_encoding=encoding,
+        )
 
     def _read_times(self, topic_name: str) -> npt.NDArray[np.int64]:
         times_ns = (raw.log_time_ns for raw in self.raw_messages([topic_name]))
@@ -244,7 +276,7 @@ class McapFile:
                     inside = inner_records(budget.unpack(parse_chunk(record.body)))
                 for opcode, _, body in inside:
                     if opcode == Opcode.MESSAGE:
-                        budget.count_message()
+                        budget.count_messages(1)
                         channel_id = parse_message(body).channel_id
                         counts[channel_id] = counts.get(channel_id, 0) + 1
                     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):

@@ -28,9 +28,9 @@ class UnpackBudget:
         self._take(chunk.uncompressed_size)
         return unpack_chunk(chunk)
 
-    def count_message(self) -> None:
-        """Count one message. Raises ValueError once the file exceeds its budget."""
-        self._take(MESSAGE_BYTES)
+    def count_messages(self, count: int) -> None:
+        """Count messages. Raises ValueError once the file exceeds its budget."""
+        self._take(count * MESSAGE_BYTES)
 
     def _take(self, size_bytes: int) -> None:
         self._taken_bytes += size_bytes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,36 @@ def xyz(cloud: Cloud) -> npt.NDArray[np.float32]:
 def xyzi(cloud: Cloud) -> npt.NDArray[np.float32]:
     """Coordinates and intensity (N, 4) float32 of a cloud (N,), as a copy: the input of a detector."""
     return np.stack([cloud["x"], cloud["y"], cloud["z"], cloud["intensity"]], axis=-1)
+
+
+def is_finite(cloud: Cloud) -> npt.NDArray[np.bool_]:
+    """Which points (N,) have finite coordinates and a finite intensity."""
+    finite: npt.NDArray[np.bool_] = np.isfinite(cloud["x"])
+    for name in ("y", "z", "intensity"):
+        finite &= np.isfinite(cloud[name])
+    return finite
+
+
+def chosen_points(cloud: Cloud, which: npt.NDArray[Any]) -> Cloud:
+    """The points of a mask (N,), or at indices (K,), as a copy.
+
+    numpy copies structured points field by field; as plain bytes they take a tenth of the time.
+    """
+    raw = np.ascontiguousarray(cloud).view(np.dtype((np.void, cloud.dtype.itemsize)))
+    return raw[which].view(cloud.dtype)
+
+
+def copy_of(cloud: Cloud) -> Cloud:
+    """A copy that may be written to, made as quickly."""
+    copied: Cloud = np.ascontiguousarray(cloud).view(np.uint8).copy().view(cloud.dtype)
+    return copied
+
+
+def joined_clouds(*clouds: Cloud) -> Cloud:
+    """All points in turn, as quickly."""
+    raw = [np.ascontiguousarray(cloud).view(np.uint8) for cloud in clouds]
+    joined: Cloud = np.concatenate(raw).view(clouds[0].dtype)
+    return joined
 
 
 def cloud_of_xyzi(points: npt.NDArray[np.float32]) -> Cloud:

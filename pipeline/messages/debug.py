@@ -69,15 +69,14 @@ def positions_topic(attacked_topic: str) -> Topic:
 
 
 def touched_points(
-    xyz_m: npt.NDArray[np.float32], action: npt.NDArray[np.str_], displacement_m: npt.NDArray[np.float64]
+    xyz_m: npt.NDArray[np.float32], action: str, displacement_m: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.void]:
-    """Points (K,) of `TOUCHED_POINT_DTYPE` from positions (K, 3), actions (K,) and displacements (K,)."""
+    """Points (K,) of `TOUCHED_POINT_DTYPE` from positions (K, 3), their action and displacements (K,)."""
     points = np.zeros(len(xyz_m), TOUCHED_POINT_DTYPE)
     points["x"], points["y"], points["z"] = xyz_m.T
     points["displacement_m"] = displacement_m
-    for code, (name, rgb) in enumerate(TOUCHED_COLOURS_RGB.items(), 1):
-        points["action"][action == name] = code
-        points["rgb"][action == name] = np.uint32(rgb).view(np.float32)
+    points["action"] = 1 + list(TOUCHED_COLOURS_RGB).index(action)
+    points["rgb"] = np.uint32(TOUCHED_COLOURS_RGB[action]).view(np.float32)
     return points
 
 

@@ -201,7 +201,7 @@ class McapScanner:
 
     def _message(self, body: memoryview) -> Iterator[RawMessage]:
         message = parse_message(body)
-        self._budget.count_message()
+        self._budget.count_messages(1)
         if message.channel_id not in self.topics:
             if message.channel_id not in self._undefined:
                 self.faults.append(f"a message belongs to channel {message.channel_id}, which is not defined")

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from advpipe.pipeline.adversary.notes import join_notes
-from advpipe.pipeline.campaigns.relay.no_detector import NoDetector
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.detector.adapted import detector_for_cloud
 from advpipe.pipeline.detector.attacked import load_attacked
+from advpipe.pipeline.detector.no_detector import NoDetector
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.detector.threads import fixed_torch_threads
 from advpipe.pipeline.geometry.boxes import Boxes

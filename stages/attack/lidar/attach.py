@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
@@ -41,9 +40,10 @@ from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.nearest_points import nearest_points
 from advpipe.pipeline.labels.points import ADDED, PointLabels
 from advpipe.pipeline.labels.quantities import ADDED_DISTANCE, POINTS_ADDED, POINTS_MOVED, POINTS_REMOVED
-from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.messages.cloud import Cloud, chosen_points, is_finite, joined_clouds, xyz, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.attach_intensities import attach_intensities
 from advpipe.stages.attack.lidar.attach_paper import salient_copies
@@ -220,39 +220,40 @@ class Attach(LidarAttack):
     ) -> LidarResult:
         """The cloud with the new points at its end, each with the ring and the time of its direction;
         unchanged, with a note, if there is nothing to attack."""
-        scene = cloud[np.isfinite(xyzi(cloud)).all(axis=1)]
+        finite = is_finite(cloud)
+        scene = cloud if finite.all() else chosen_points(cloud, finite)
         if not len(scene):
             return unchanged(cloud, "no points to start from")
-        seen = as_seen_by(self.recipe, detector)
+        clean, seen = xyzi(scene), as_seen_by(self.recipe, detector)
         boxes = known_boxes(self.constraints, seen, scene, boxes)
         goal = goal_of(self.constraints, seen, scene, boxes)
-        loss_before, found = look(detector, xyzi(scene), goal.reported_targets)
+        loss_before, found = look(detector, clean, goal.reported_targets)
         focused = self.recipe != "random" or self.constraints.objects or self.constraints.ghost
         if not len(goal.targets) and focused:
             return unchanged(cloud, goal.note)
-        rules = Rules(self.constraints, xyz(scene), boxes)
+        rules = Rules(self.constraints, clean[:, :3], boxes)
         objective = AttackObjective(goal, seen, goal.success(told_by(seen, found)))
         try:
             if self.recipe == "stealthy":
                 places, note = self._on_empty_rays(scene, objective, rules, rng)
             else:
-                places, note = self._places(xyzi(scene), objective, rules, rng)
+                places, note = self._places(clean, objective, rules, rng)
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         if len(places) < (1 if self.recipe == "stealthy" else self.points):
             note = note or "the constraints leave no place for so many points"
             return unchanged(cloud, note, loss_before)
-        added = scene[places.source].copy()
+        added = chosen_points(scene, places.source)
         points = places.points
         if not (self.constraints.along_ray or self.recipe == "stealthy"):  # no place of a grid lies on a ray
-            points = on_grid_of(scene, xyzi(scene[places.source]), points)
+            points = on_grid_of(scene, clean[places.source], points)
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = points[:, column]
         added = as_measured(scene, added, scan_order_of(scene))
-        adversarial = np.concatenate([cloud, added])
-        loss_after, _ = look(detector, xyzi(np.concatenate([scene, added])), goal.reported_targets)
+        adversarial = joined_clouds(cloud, added)
+        loss_after, _ = look(detector, np.concatenate([clean, xyzi(added)]), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note)
-        return LidarResult(adversarial, _labels(scene, added), loss_before, loss_after, note)
+        return LidarResult(adversarial, _labels(clean, added), loss_before, loss_after, note)
 
     def _places(
         self,
@@ -338,8 +339,7 @@ class Attach(LidarAttack):
         return ball_places(clean, sources, count, boxes, rules, self.eps_m, MARGIN_M, rng)
 
 
-def _labels(scene: Cloud, added: Cloud) -> PointLabels:
-    """The labels of added points: their distance from the nearest point of the clean cloud."""
-    tree = cKDTree(xyz(scene).astype(np.float64), balanced_tree=False, compact_nodes=False)
-    distance_m, _ = tree.query(xyz(added).astype(np.float64))
+def _labels(clean: Float32, added: Cloud) -> PointLabels:
+    """The labels of added points: their distance from the nearest of the clean points (N, 4)."""
+    distance_m, _ = nearest_points(clean[:, :3], xyz(added))
     return PointLabels(np.full(len(added), -1, np.int64), np.full(len(added), ADDED), distance_m)

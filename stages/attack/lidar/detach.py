@@ -22,13 +22,13 @@ from advpipe.pipeline.adversary.removal_problem import remove_greedily, with_ran
 from advpipe.pipeline.adversary.subset_search import SubsetSearch
 from advpipe.pipeline.adversary.targets import AttackTargets, look
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
-from advpipe.pipeline.baselines import remove_random_points
+from advpipe.pipeline.baselines import random_points
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
 from advpipe.pipeline.labels.quantities import POINTS_ADDED, POINTS_MOVED, SHARE_REMOVED
-from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.messages.cloud import Cloud, chosen_points, is_finite, xyz, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
@@ -167,17 +167,18 @@ class Detach(LidarAttack):
         self, cloud: Cloud, boxes: Boxes, detector: ObjectDetector, rng: np.random.Generator
     ) -> LidarResult:
         """The cloud without the chosen points; unchanged, with a note, if there is nothing to attack."""
-        finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
+        finite = np.flatnonzero(is_finite(cloud))
         if self.budget(len(finite)) == 0:
             return unchanged(cloud, "no points to remove")
-        scene = cloud[finite]
+        scene = chosen_points(cloud, finite)
+        points = xyzi(scene)
         seen = as_seen_by(self.recipe, detector)
         boxes = known_boxes(self.constraints, seen, scene, boxes)
         goal = goal_of(self.constraints, seen, scene, boxes)
-        loss_before, found = look(detector, xyzi(scene), goal.reported_targets)
+        loss_before, found = look(detector, points, goal.reported_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
-        rules = Rules(self.constraints, xyz(scene), boxes)
+        rules = Rules(self.constraints, points[:, :3], boxes)
         allowed = np.flatnonzero(rules.allowed)
         budget = min(self.budget(len(scene)), len(allowed))
         if not budget:
@@ -189,11 +190,12 @@ class Detach(LidarAttack):
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
-        loss_after, _ = look(detector, xyzi(np.delete(scene, chosen)), goal.reported_targets)
+        loss_after, _ = look(detector, np.delete(points, chosen, axis=0), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note, shortage)
-        return LidarResult(
-            np.delete(cloud, removed), PointLabels.removed(removed), loss_before, loss_after, note
-        )
+        kept = np.ones(len(cloud), bool)
+        kept[removed] = False
+        left = chosen_points(cloud, kept)
+        return LidarResult(left, PointLabels.removed(removed), loss_before, loss_after, note)
 
     def _choose(
         self,
@@ -207,7 +209,7 @@ class Detach(LidarAttack):
         goal, detector = objective.goal, objective.detector
         allowed = np.flatnonzero(rules.allowed)
         if self.recipe == "random":
-            return _random_points(scene, allowed, budget, rng), ""
+            return _drawn(allowed, budget, rng), ""
         if self.recipe == "paper":
             return self._greedily(scene, allowed, budget, goal.loss_targets, detector, rng)
         if self.recipe in ("random-near", "random-best"):
@@ -269,13 +271,13 @@ class Detach(LidarAttack):
             except NoGradientError:
                 if not len(removed):
                     raise
-                rest = _random_points(scene, kept[free], budget - len(removed), rng)
+                rest = _drawn(kept[free], budget - len(removed), rng)
                 return np.concatenate([removed, rest]), "gradient used up: the rest removed at random"
             removed = np.concatenate([removed, chosen])
             kept = np.setdiff1d(kept, chosen, assume_unique=True)
         return removed, ""
 
 
-def _random_points(scene: Cloud, points: Indices, count: int, rng: np.random.Generator) -> Indices:
-    """`count` random points, drawn like the baseline that every recipe is compared with."""
-    return np.delete(points, remove_random_points(scene[points], count, rng))
+def _drawn(points: Indices, count: int, rng: np.random.Generator) -> Indices:
+    """`count` of these points, ascending, drawn like the baseline that every recipe is compared with."""
+    return np.sort(random_points(points, count, rng))

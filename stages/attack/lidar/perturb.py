@@ -23,9 +23,10 @@ from advpipe.pipeline.attack_detection.coordinate_grid import on_grid_of
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.lengths import lengths
 from advpipe.pipeline.labels.points import MOVED, PointLabels
 from advpipe.pipeline.labels.quantities import MAX_DISPLACEMENT, MAX_OFF_RAY, POINTS_ADDED, POINTS_REMOVED
-from advpipe.pipeline.messages.cloud import Cloud, xyz, xyzi
+from advpipe.pipeline.messages.cloud import Cloud, chosen_points, copy_of, is_finite, xyzi
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.lidar.base import (
     MAX_ROUNDS,
@@ -197,10 +198,10 @@ class Perturb(LidarAttack):
     ) -> LidarResult:
         """The cloud with points moved; unchanged, with a note, if there is nothing to attack."""
         # Prepare: the finite points, the targets, and the points that may move.
-        finite = np.flatnonzero(np.isfinite(xyzi(cloud)).all(axis=1))
+        finite = np.flatnonzero(is_finite(cloud))
         if not len(finite):
             return unchanged(cloud, "no points to move")
-        scene = cloud[finite]
+        scene = chosen_points(cloud, finite)
         points = xyzi(scene)
         seen = as_seen_by(self.recipe, detector)
         boxes = known_boxes(self.constraints, seen, scene, boxes)
@@ -213,19 +214,21 @@ class Perturb(LidarAttack):
             goal = with_decoys(goal, found, boxes)
         try:
             moved, note = self._moved(
-                points, goal, seen, found, Rules(self.constraints, xyz(scene), boxes), rng
+                points, goal, seen, found, Rules(self.constraints, points[:, :3], boxes), rng
             )
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
 
         if not self.constraints.along_ray:  # no place of a grid lies on the ray
             moved = on_grid_of(scene, points, moved)
-        adversarial = cloud.copy()
+        adversarial = copy_of(cloud)
+        where = slice(None) if len(finite) == len(cloud) else finite
         for column, name in enumerate(("x", "y", "z", "intensity")):
-            adversarial[name][finite] = moved[:, column]
+            adversarial[name][where] = moved[:, column]
         loss_after, _ = look(detector, moved, goal.reported_targets)
-        changed = np.flatnonzero((points != moved).any(axis=1))
-        displacement_m = np.linalg.norm(moved[changed, :3].astype(float) - points[changed, :3], axis=1)
+        differs = points != moved
+        changed = np.flatnonzero(differs[:, 0] | differs[:, 1] | differs[:, 2] | differs[:, 3])
+        displacement_m = lengths(moved[changed, :3].astype(float) - points[changed, :3])
         labels = PointLabels(finite[changed], np.full(len(changed), MOVED), displacement_m)
         note = join_notes(goal.note if len(goal.targets) else "", note, "" if len(changed) else NOTHING_MOVED)
         return LidarResult(adversarial, labels, loss_before, loss_after, note)

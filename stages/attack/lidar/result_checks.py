@@ -8,9 +8,9 @@ import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.cloud_change import CloudChange
-from advpipe.pipeline.labels.points import ACTIONS, ADDED, MOVED, REMOVED, PointLabels
+from advpipe.pipeline.labels.points import ACTIONS, PointLabels
 from advpipe.pipeline.labels.quantity import excesses
-from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud, chosen_points
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 
 _DTYPE_KINDS = {"point": "iu", "action": "U", "displacement_m": "f"}
@@ -28,8 +28,7 @@ def refuse_invalid(attack: str, clean: Cloud, result: Any) -> None:
             f"{attack} returned {_description(cloud)} as its cloud, not points (N,) of {fields}"
         )
     _refuse_labels(attack, result.labels, len(clean))
-    actions = result.labels.action
-    removed, added = int((actions == REMOVED).sum()), int((actions == ADDED).sum())
+    removed, added = int(result.labels.is_removed.sum()), int(result.labels.is_added.sum())
     if len(cloud) != len(clean) - removed + added:
         raise AdvpipeError(
             f"{attack} made {len(clean)} points {len(cloud)}, but labels {removed} as removed and "
@@ -58,13 +57,11 @@ def refuse_out_of_bounds(name: str, attack: LidarAttack, clean: Cloud, result: L
 def _has_unlabelled_changes(clean: Cloud, cloud: Cloud, labels: PointLabels) -> bool:
     """Whether a point differs and has no label; bytes are compared, so that NaN equals itself."""
     kept, labelled = np.ones(len(clean), bool), np.zeros(len(clean), bool)
-    kept[labels.point[labels.action == REMOVED]] = False
-    labelled[labels.point[labels.action == MOVED]] = True
-    before, after = (
-        np.ascontiguousarray(points).view(np.uint8).reshape(-1, POINT_DTYPE.itemsize)
-        for points in (clean[kept], cloud[: kept.sum()])
-    )
-    return bool(((before != after).any(axis=1) & ~labelled[kept]).any())
+    kept[labels.point[labels.is_removed]] = False
+    labelled[labels.point[labels.is_moved]] = True
+    before = chosen_points(clean, kept & ~labelled)
+    after = chosen_points(cloud[: int(kept.sum())], ~labelled[kept])
+    return before.tobytes() != after.tobytes()
 
 
 def _refuse_labels(attack: str, labels: Any, points: int) -> None:
@@ -78,11 +75,11 @@ def _refuse_labels(attack: str, labels: Any, points: int) -> None:
     lengths = {name: len(getattr(labels, name)) for name in _DTYPE_KINDS}
     if len(set(lengths.values())) > 1:
         raise AdvpipeError(f"{attack} returned labels of several lengths: {lengths}")
-    is_known = np.isin(labels.action, ACTIONS)
+    is_known = labels.is_removed | labels.is_moved | labels.is_added
     if not is_known.all():
         strange = min(labels.action[~is_known].tolist())
         raise AdvpipeError(f"{attack} labels points as {strange!r}; known: {', '.join(ACTIONS)}")
-    is_new = labels.action == ADDED
+    is_new = labels.is_added
     if ((labels.point[~is_new] < 0) | (labels.point[~is_new] >= points)).any() or (
         labels.point[is_new] != -1
     ).any():

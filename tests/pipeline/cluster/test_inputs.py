@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from advpipe.pipeline.cluster.inputs import Input, MissingInputsError, packed, unpacked
+from advpipe.pipeline.core.remote_path import RemotePath, located
 
 
 def work(bag: Path, detector: str, name: str) -> tuple[Path, str, str]:
@@ -66,3 +67,12 @@ def test_a_file_is_an_input_too(bag: Path) -> None:
     assert one.is_at(bag / "clean_0.mcap")
     assert not one.is_at(bag / "metadata.yaml")
     assert not one.is_at(bag / "none")
+
+
+def test_a_path_in_an_object_store_is_read_there_by_every_node() -> None:
+    far = located(Path("s3://drives/town/clean"))
+    content, inputs = packed(partial(work, far, "small", ""))
+    assert not inputs
+    (found, *_) = unpacked(content, inputs, {})()
+    assert isinstance(found, RemotePath)
+    assert found == far

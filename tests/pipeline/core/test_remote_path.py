@@ -11,11 +11,16 @@ from pathlib import Path
 import pytest
 from pyarrow.fs import S3FileSystem
 
+import advpipe
+from advpipe.commands.paths import output_beside
 from advpipe.pipeline.bag.locate import adversarial_bags, resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import OutputExistsError, UsageError
+from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.remote_path import RemotePath, located, store_of
 from advpipe.pipeline.dataset.upload import upload
+from advpipe.stages.export.form import ExportOptions
+from advpipe.stages.export.run import export_bags
 from advpipe.stages.share.run import share
 from advpipe.stages.verify.run import verify
 
@@ -136,3 +141,35 @@ def test_verify_and_share_ask_for_a_copy(uploaded: Path, tmp_path: Path) -> None
         verify(uploaded)
     with pytest.raises(UsageError, match="copy the data set to this machine"):
         share(uploaded, tmp_path / "shared")
+
+
+def test_a_drive_is_evaluated_where_it_lies(dataset: Path, uploaded: Path, tmp_path: Path) -> None:
+    rows = [
+        advpipe.evaluate(drive, drive / "jump", scene=False, out=tmp_path / name).to_dicts()
+        for name, drive in (("near", dataset), ("far", located(uploaded)))
+    ]
+    assert rows[0] == rows[1]
+    names = [sorted(path.name for path in (tmp_path / name).iterdir()) for name in ("near", "far")]
+    assert names[0] == names[1]
+
+
+def test_a_drive_is_exported_from_where_it_lies(dataset: Path, uploaded: Path, tmp_path: Path) -> None:
+    options = ExportOptions(frames=FrameSlice.parse(":1"))
+    for name, drive in (("near", dataset), ("far", located(uploaded))):
+        export_bags(drive, "pcd", tmp_path / name, options)
+    near, far = (
+        {path.relative_to(tmp_path / name): path for path in (tmp_path / name).rglob("*") if path.is_file()}
+        for name in ("near", "far")
+    )
+    clouds = [path for path in near if path.suffix == ".pcd"]
+    assert clouds
+    assert near.keys() == far.keys()
+    assert all(near[path].read_bytes() == far[path].read_bytes() for path in clouds)
+
+
+def test_what_is_made_of_it_lies_on_this_machine(uploaded: Path, tmp_path: Path) -> None:
+    remote = located(uploaded)
+    assert output_beside(remote, "drive-kitti").parts[-2:] == ("datasets", "drive-kitti")
+    assert output_beside(tmp_path / "drive", "drive-kitti") == tmp_path / "drive-kitti"
+    with pytest.raises(UsageError, match="name a folder of this machine with --out"):
+        output_beside(remote, "drive-kitti", Path("s3://drives/drive-kitti"))

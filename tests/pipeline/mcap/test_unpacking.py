@@ -134,9 +134,9 @@ def test_the_budget_equals_values_computed_by_hand() -> None:
         budget._take(chunk.uncompressed_size)
     assert budget.unpack(chunk) == chunk.data
     while budget._taken_bytes + MESSAGE_BYTES <= most:
-        budget.count_message()
+        budget.count_messages(1)
     with pytest.raises(ValueError, match="too many for its size"):
-        budget.count_message()
+        budget.count_messages(1)
 
 
 def file_of(*records: object) -> bytes:

@@ -7,7 +7,7 @@ import pytest
 from relay_messages import cloud
 
 from advpipe.pipeline.campaigns.relay.insert_ghost import InsertGhost
-from advpipe.pipeline.campaigns.relay.no_detector import NoDetector
+from advpipe.pipeline.detector.no_detector import NoDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from relay_messages import cloud
 
-from advpipe.pipeline.campaigns.relay.no_detector import NoDetector
 from advpipe.pipeline.campaigns.relay.remove_sector import RemoveSector
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.detector.no_detector import NoDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.attack.lidar.result_checks import refuse_invalid, refuse_out_of_bounds
 
