@@ -210,7 +210,7 @@ class Labels:
             self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
-        if not _is_cam(message) or not attack.context.acts(message):
+        if not attack.context.acts(message) or not _is_cam(message):
             return False
         return self.cams.open(message.payload) is None
 
