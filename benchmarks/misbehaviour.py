@@ -10,11 +10,11 @@ Reaches: at random speed offsets our detector above every variant of CaTCH's che
 under 1 % of the clean messages flagged on every drive; and a minute of messages of one receiver judged within
 ten seconds.
 
-    python benchmarks/misbehaviour.py --keep FOLDER [--town06 Town06.xodr] [--ship]
+    python benchmarks/misbehaviour.py --keep FOLDER [--town06 Town06.xodr] [--ship [ours] [catch]]
 
-Run again with the same folder, it goes on where it was stopped. `--ship` writes what was tuned to
-`pipeline/misbehaviour/tuned.py`; without it, that file is tested. `--all` takes all attacks of the catalogue
-instead of those that NextGen publishes.
+Run again with the same folder, it goes on where it was stopped. `--ship` tunes, ours or CaTCH's checks or
+both, and writes what was found to `pipeline/misbehaviour/tuned.py`; without it, that file is tested. `--all`
+takes all attacks of the catalogue instead of those that NextGen publishes.
 """
 
 from __future__ import annotations
@@ -28,20 +28,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from common import finish, machine, scratch
-from misbehaviour_drives import BOULEVARD, HONEST, TUNING, MisbehaviourDrives, Site
-from misbehaviour_tables import f1_beside_innocents, print_honest, print_table, tuned_text
+from misbehaviour_drives import BOULEVARD, HONEST, MisbehaviourDrives, Site
+from misbehaviour_ship import PARTS, TunedFile, ship
+from misbehaviour_tables import f1_beside_innocents, print_honest, print_lead, print_table
 
-from advpipe.pipeline.misbehaviour.catch import CatchDetector
-from advpipe.pipeline.misbehaviour.catch_tuning import tune_catch
-from advpipe.pipeline.misbehaviour.config import DetectorConfig
-from advpipe.pipeline.misbehaviour.detector import PlausibilityDetector
-from advpipe.pipeline.misbehaviour.detectors import BASELINE, MISBEHAVIOUR_DETECTORS, OURS
-from advpipe.pipeline.misbehaviour.tuning import evaluated, threshold_candidates, tune
-from advpipe.pipeline.misbehaviour.verdicts import MisbehaviourDetector
+from advpipe.pipeline.misbehaviour.detectors import OURS
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
-TUNED_FILE = Path(__file__).parents[1] / "pipeline" / "misbehaviour" / "tuned.py"
 MOST_FALSE_POSITIVES, MOST_SECONDS = 0.01, 10.0
 
 
@@ -52,9 +46,11 @@ def main() -> None:
         drives = MisbehaviourDrives(
             given.keep or Path(temporary), given.seconds, _attack_names(given), given.workers
         )
-        detectors = dict(MISBEHAVIOUR_DETECTORS)
-        if given.ship:
-            detectors |= _ship(drives, _town06(given.town06, 8) if given.town06 else None)
+        tuned_file = TunedFile.shipped()
+        if given.ship is not None:
+            honest = _town06(given.town06, 8) if given.town06 else None
+            tuned_file = ship(drives, honest, given.ship or PARTS)
+        detectors = tuned_file.detectors()
         towns = (_town06(given.town06, 6), _town06(given.town06, 7)) if given.town06 else ()
         found = {site.name: drives.test(site, detectors) for site in (*BOULEVARD, *towns)}
         clean = {name: each.pop("") for name, each in found.items()}
@@ -63,6 +59,8 @@ def main() -> None:
     f1 = print_table("F1", found, lambda result: result.scores.f1)
     print_table("F1 beside innocent stations", found, lambda result: f1_beside_innocents(result.scores))
     print_table("AUC", found, lambda result: result.roc.auc)
+    print()
+    print_lead(found, "cam-speed-random-offset")
     worst = print_honest(clean)
     print(f"\na minute of messages of one receiver takes {seconds:.1f} s (reach: at most {MOST_SECONDS:g})")
     mean = {name: float(np.mean([each[name] for each in f1.values()])) for name in detectors}
@@ -71,29 +69,6 @@ def main() -> None:
     offsets = f1.get("cam-speed-random-offset", {OURS: 1.0})
     is_best = all(offsets[OURS] > value for name, value in offsets.items() if name != OURS)
     finish(mean[OURS] > best_other and is_best and worst < MOST_FALSE_POSITIVES and seconds <= MOST_SECONDS)
-
-
-def _ship(drives: MisbehaviourDrives, honest: Site | None) -> dict[str, MisbehaviourDetector]:
-    """Tune on the drives of `TUNING`, ours on the honest messages of another map, too, and the baseline
-    without the fast ones; write `tuned.py`, and return the detectors, as that module is loaded already."""
-    towns, fast = drives.heard(is_fast=False), drives.heard(is_fast=True)
-    streams = [*towns, *fast, *(drives.heard_honestly(honest) if honest else ())]
-    base = DetectorConfig()
-    candidates = threshold_candidates([each for each in streams if not each.attack], base)
-    ours = tune(candidates, evaluated(streams), base)
-    bounded, free = tune_catch(towns), tune_catch(towns, most_flagged=1.0)
-    print(f"tuned on {', '.join(site.name for site in TUNING)}, {drives.seconds:g} s each")
-    for name, score in ((OURS, ours.score), ("catch", bounded.score), ("catch-f1", free.score)):
-        print(f"  {name}: mean F1 {score.mean_f1:.3f}, {score.false_positive_rate:.2%} of honest flagged")
-    names = [f"{site.name}, {drives.seconds:g} s{' (ours alone)' * site.is_fast}" for site in TUNING]
-    names += [f"{honest.name}, {drives.seconds:g} s (ours alone, honest messages)"] if honest else []
-    text = tuned_text(names, ours.config, bounded.parameters, free.parameters)
-    TUNED_FILE.write_text(text, encoding="utf-8")
-    return {
-        OURS: PlausibilityDetector(ours.config),
-        BASELINE: CatchDetector(bounded.parameters),
-        "catch-f1": CatchDetector(free.parameters),
-    }
 
 
 def _attack_names(given: argparse.Namespace) -> list[str]:
@@ -118,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--town06", type=Path, help="CARLA's Town06.xodr, for two drives there")
     parser.add_argument("--workers", type=int, help="processes, by default one for each core")
     parser.add_argument("--all", action="store_true", help="all attacks, not NextGen's alone")
-    parser.add_argument("--ship", action="store_true", help="tune, and write that into the package")
+    parser.add_argument("--ship", nargs="*", choices=PARTS, help="tune, and write that into the package")
     return parser
 
 

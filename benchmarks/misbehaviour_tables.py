@@ -1,17 +1,14 @@
-"""The tables and the file of thresholds that the benchmark of misbehaviour detection writes."""
+"""The tables that the benchmark of misbehaviour detection prints."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student_t
 
-from advpipe.pipeline.misbehaviour.catch import CatchParameters
-from advpipe.pipeline.misbehaviour.config import CHECKS, DetectorConfig
 from advpipe.pipeline.misbehaviour.detectors import MISBEHAVIOUR_DETECTORS, OURS
 from advpipe.pipeline.misbehaviour.scores import Scores
 from advpipe.stages.evaluate.v2x.detection import Detection, DetectorResult
@@ -55,6 +52,15 @@ def print_table(
     return means
 
 
+def print_lead(found: Mapping[str, Mapping[str, Detection]], attack_name: str) -> None:
+    """Print by how much our F1 is above each other's, on the same drives."""
+    drives = [each[attack_name].detectors for each in found.values() if attack_name in each]
+    for name in NAMES:
+        lead = np.array([each[OURS].scores.f1 - each[name].scores.f1 for each in drives])
+        if name != OURS and len(lead):
+            print(f"`{attack_name}`: F1 above {name} by {_with_interval(lead)}")
+
+
 def print_honest(clean: Mapping[str, Detection]) -> float:
     """Print what is flagged where nobody attacks; return our largest share."""
     print("\n| honest drive, flagged % | messages | " + " | ".join(NAMES) + " |")
@@ -71,37 +77,3 @@ def _with_interval(values: npt.NDArray[np.float64]) -> str:
         return f"{values.mean():.3f}"
     half = student_t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
     return f"{values.mean():.3f} ± {half:.3f}"
-
-
-def tuned_text(
-    drives: Sequence[str], config: DetectorConfig, bounded: CatchParameters, free: CatchParameters
-) -> str:
-    """The file `tuned.py`; to four digits."""
-    thresholds = {name: config.thresholds[name] for name, check in CHECKS.items() if check.is_tuned}
-    bound = "with the bound on false positives"
-    return f'''"""Tuned parameters of both detectors, written by `benchmarks/misbehaviour.py --ship`."""
-
-from __future__ import annotations
-
-DRIVES = (
-{"".join(f'    "{drive}",' + chr(10) for drive in drives)})
-"""Drives used for tuning, with their seeds; the benchmark tests on none of them."""
-
-THRESHOLDS: dict[str, float] = {{
-{_items(thresholds)}}}
-"""Thresholds of our checks, by name; units as in `config.CHECKS`."""
-
-PARDON_S: float = {config.pardon_s:g}
-
-CATCH_BOUNDED: dict[str, float] = {{
-{_items(asdict(bounded))}}}
-"""Parameters of the baseline, by the names of `catch.CatchParameters`, {bound}."""
-
-CATCH_F1: dict[str, float] = {{
-{_items(asdict(free))}}}
-"""The same, tuned for F1 without that bound."""
-'''
-
-
-def _items(values: dict[str, float]) -> str:
-    return "".join(f'    "{name}": {float(f"{value:.4g}")!r},\n' for name, value in values.items())

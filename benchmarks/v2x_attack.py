@@ -2,8 +2,9 @@
 
 Ours: what every station sent goes, step by step, through the attack and its labels, and then through the
 radio to the instrumented vehicle's map; decoding, encoding and reception included. The drive's steps are in
-memory. Peer: each of those messages decoded and encoded again by the codec alone. Besides, without a mark:
-the same with reading the bag and making all messages of the new one.
+memory. Peer, the codec's own rate: each of the messages that are sent after the attack once from bytes to a
+`Cam` (`decode_cam`) and once back (`encode_cam`), in the same process and in turns with ours. Besides,
+without a mark: the same with reading the bag and making all messages of the new one.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from advpipe.pipeline.v2x.facilities.cam_tree import decode_cam, encode_cam
 from advpipe.stages.attack.v2x.change import forge
 from advpipe.stages.simulate.run import simulate
 
-REACH = 0.5
+REACH = 0.8
 
 
 def record(folder: Path, vehicles: int, duration_s: float) -> BagReader:

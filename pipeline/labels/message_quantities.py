@@ -18,7 +18,8 @@ class MessageChange:
 
     before, after: its values; None if it is no CAM or was added. delay_s: how much later it is sent, 0 for a
     message that is only changed; None for an added one. added_in_a_second: for an added message, how many its
-    attacker has added in the second that ends with it, itself included.
+    attacker has added in the second that ends with it, itself included. moved_m: the offset of the position
+    where it is known already, NaN for none; None to measure it.
     """
 
     geodesy: Geodesy
@@ -26,9 +27,12 @@ class MessageChange:
     after: Values | None = None
     delay_s: float | None = None
     added_in_a_second: int | None = None
+    moved_m: float | None = None
 
 
 def _position_offset_m(change: MessageChange) -> float | None:
+    if change.moved_m is not None:
+        return change.moved_m if math.isfinite(change.moved_m) else None
     before_m, after_m = (_place_m(change.geodesy, claims) for claims in (change.before, change.after))
     if before_m is None or after_m is None:
         return None

@@ -89,7 +89,7 @@ _BY_PORT = {each.port: each for each in MESSAGE_TYPES.values()}
 
 def message_type_of(payload: bytes) -> MessageType:
     """The type of message that begins so; `CAM` for bytes that begin like none, which pose as one."""
-    return _BY_HEADER.get(bytes(payload[:2]), CAM)
+    return _BY_HEADER.get(payload[:2], CAM)
 
 
 def message_type_at(port: int) -> MessageType | None:

@@ -45,14 +45,18 @@ class _Contender:
 
 
 class Access:
-    """The transmit queues of all stations, as an event simulation."""
+    """The transmit queues of all stations, as an event simulation.
+
+    _taken: until when transmissions take the channel, and at which stations (S,); those that ended an AIFS
+    ago or earlier are forgotten, as they hold back nobody.
+    """
 
     def __init__(self, ofdm: Ofdm, queue_delay_max_ns: int) -> None:
         self._ofdm = ofdm
         self._queue_delay_max_ns = queue_delay_max_ns
         self._contenders: dict[int, _Contender] = {}
         self._queues: dict[int, deque[RadioFrame]] = {}
-        self._free_ns = np.empty(0, np.int64)
+        self._taken: list[tuple[int, Bool]] = []
 
     def waiting(self) -> list[RadioFrame]:
         """All messages that are not on the air yet."""
@@ -65,7 +69,8 @@ class Access:
 
         Call it after the frames have been rearranged.
         """
-        self._free_ns = np.where(columns < 0, LONG_AGO_NS, np.append(self._free_ns, LONG_AGO_NS)[columns])
+        is_new = columns < 0
+        self._taken = [(end_ns, ~is_new & np.append(taken, False)[columns]) for end_ns, taken in self._taken]
         gone = [sender for sender, head in self._contenders.items() if head.frame.sender < 0]
         dropped = []
         for sender in gone:
@@ -97,7 +102,12 @@ class Access:
 
     def _enter(self, frame: RadioFrame, now_ns: int) -> None:
         contender = self._contenders[frame.sender_id] = _Contender(frame)
-        contender.contend(now_ns, int(self._free_ns[frame.sender]), self._ofdm)
+        contender.contend(now_ns, self._free_ns(frame), self._ofdm)
+
+    def _free_ns(self, frame: RadioFrame) -> int:
+        """When the channel is free at the sender of a frame, or was a long time ago."""
+        sender = frame.sender
+        return max((end_ns for end_ns, taken in self._taken if taken[sender]), default=LONG_AGO_NS)
 
     def _leave(self, head: _Contender, sent: list[RadioFrame], dropped: list[RadioFrame]) -> None:
         frame, now_ns = head.frame, head.start_ns
@@ -105,9 +115,11 @@ class Access:
         if now_ns - frame.request_ns > self._queue_delay_max_ns:
             dropped.append(frame)
         else:
-            frame.start_ns = now_ns
+            frame.send(now_ns)
             sent.append(frame)
-            np.maximum(self._free_ns, frame.end_ns, out=self._free_ns, where=frame.hearing)
+            since_ns = now_ns - self._ofdm.aifs_ns
+            self._taken = [one for one in self._taken if one[0] > since_ns]
+            self._taken.append((frame.end_ns, frame.hearing))
             self._silence(frame.hearing, now_ns)
         if queue := self._queues.get(frame.sender_id):
             self._enter(queue.popleft(), now_ns)
@@ -117,4 +129,4 @@ class Access:
     def _silence(self, hearing: Bool, now_ns: int) -> None:
         for other in self._contenders.values():
             if hearing[other.frame.sender] and other.start_ns > now_ns + CCA_TIME_NS:
-                other.freeze(now_ns, int(self._free_ns[other.frame.sender]), self._ofdm)
+                other.freeze(now_ns, self._free_ns(other.frame), self._ofdm)

@@ -16,7 +16,8 @@ NOT_SENT = -1
 class RadioFrame:
     """power_dbm, distance_m: (S,), at each station. hearing: (S,), stations that sense the channel as busy.
 
-    sender: column of the station, -1 once it has left. slots: remaining backoff slots.
+    sender: column of the station, -1 once it has left. slots: remaining backoff slots. start_ns, end_ns: when
+    the transmission starts and ends.
     """
 
     message: int
@@ -31,6 +32,7 @@ class RadioFrame:
     distance_m: Float64
     hearing: Bool
     start_ns: int = NOT_SENT
+    end_ns: int = NOT_SENT
     is_reported: bool = False
 
     @property
@@ -38,10 +40,9 @@ class RadioFrame:
         """Whether the radio sent the frame."""
         return self.start_ns != NOT_SENT
 
-    @property
-    def end_ns(self) -> int:
-        """When the transmission ends."""
-        return self.start_ns + self.air_time_ns
+    def send(self, start_ns: int) -> None:
+        """Start the transmission."""
+        self.start_ns, self.end_ns = start_ns, start_ns + self.air_time_ns
 
     def rearrange(self, columns: Int64, sender: int) -> None:
         """Follow a change of the stations: `columns` (S,) are their former places, -1 for new ones."""

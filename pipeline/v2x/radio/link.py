@@ -38,7 +38,10 @@ class Link:
     ) -> tuple[Float64, Float64]:
         """Power in dBm (M, S) and distance in metres (M, S) of messages from stations in columns (M,)."""
         radio, antenna_m = self._radio, stations.antenna_m
-        distance_m = np.sqrt(sum(np.square(axis[senders, None] - axis) for axis in antenna_m.T))
+        square_m2 = np.zeros((len(senders), len(antenna_m)))
+        for axis in antenna_m.T:
+            square_m2 += np.square(axis[senders, None] - axis)
+        distance_m = np.sqrt(square_m2, out=square_m2)
         received_dbm = power_dbm[:, None] - PATH_LOSS[radio.path_loss](distance_m, radio)
         pairs = keys[:, None], stations.ids.astype(np.uint64)[None]
         if radio.shadowing is not None:

@@ -35,10 +35,11 @@ def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Floa
         return np.zeros(stations)
     window_ns = end_ns - WINDOW_NS
     hearing = np.array([frame.hearing for frame in frames])
-    start_ns = np.array([max(frame.start_ns, window_ns) for frame in frames])[:, None]
-    stop_ns = np.array([min(frame.end_ns, end_ns) for frame in frames])[:, None]
-    stop_ns = np.where(hearing, stop_ns, window_ns)
-    taken_until_ns = np.vstack([np.full((1, stations), window_ns), np.maximum.accumulate(stop_ns)[:-1]])
-    busy_ns = np.maximum(stop_ns - np.maximum(start_ns, taken_until_ns), 0).sum(axis=0)
-    busy: Float64 = busy_ns / WINDOW_NS
+    spans_ns = np.array([(frame.start_ns, frame.end_ns) for frame in frames]) - window_ns
+    start_ns, stop_ns = np.clip(spans_ns, 0, WINDOW_NS).astype(np.int32).T[..., None]
+    stop_ns = stop_ns * hearing
+    busy_ns = stop_ns - start_ns
+    taken_until_ns = np.maximum.accumulate(stop_ns)[:-1]
+    np.minimum(busy_ns[1:], stop_ns[1:] - taken_until_ns, out=busy_ns[1:])
+    busy: Float64 = np.maximum(busy_ns, 0).sum(axis=0) / WINDOW_NS
     return busy

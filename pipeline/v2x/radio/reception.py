@@ -57,7 +57,7 @@ class Receiver:
         keys = key.view(np.uint64)
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = np.full(power_dbm.shape, Outcome.RECEIVED, np.uint8)
-        row, column = np.nonzero(is_audible & (sinr_db < self._flawless_db))
+        row, column = _places(is_audible & (sinr_db < self._flawless_db))
         luck = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
         fails = luck > self._success(sinr_db[row, column], bits[row])
         row, column, luck = row[fails], column[fails], luck[fails]
@@ -123,7 +123,7 @@ class Receiver:
         self, end_ns: Int64, distance_m: Float64, keys: UInt64, stations: Stations, outcome: UInt8
     ) -> Int64:
         """Arrival of each received message (M, S) after air time, propagation and processing; else 0."""
-        row, column = np.nonzero(outcome == Outcome.RECEIVED)
+        row, column = _places(outcome == Outcome.RECEIVED)
         low_s, high_s = self._radio.processing_delay_min_s, self._radio.processing_delay_max_s
         delay_s = distance_m[row, column] / SPEED_OF_LIGHT_MPS + low_s
         if high_s > low_s:
@@ -132,6 +132,11 @@ class Receiver:
         arrival_ns = np.zeros(outcome.shape, np.int64)
         arrival_ns[row, column] = end_ns[row] + np.rint(delay_s * 1e9).astype(np.int64)
         return arrival_ns
+
+
+def _places(mask: Bool) -> tuple[Int64, Int64]:
+    """As `np.nonzero` of a mask (M, S), in a fraction of the time."""
+    return np.divmod(np.flatnonzero(mask), max(mask.shape[1], 1))
 
 
 def _rows(rows: Sequence[Float64], count: int) -> Float64:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.declaration import Declaration
@@ -12,40 +15,62 @@ from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
-from advpipe.pipeline.v2x.facilities.cam_values import Values
+from advpipe.pipeline.v2x.facilities.cam_values import Values, places_m
+
+
+class Touched(NamedTuple):
+    """A message that an attack, or a part of it, touched.
+
+    old: the message before the attack, None for an added one. before, after: its values.
+    """
+
+    editor_index: int
+    attack: str
+    part: str
+    message: Sent
+    old: Sent | None
+    before: Values | None
+    after: Values | None
 
 
 class BoundsCheck:
-    """Checks each touched message, in order of time. declared: by the attacks' indices among all editors."""
+    """Checks all touched messages, in order of time; their places are computed together, a step at a time.
+
+    declared: by the attacks' indices among all editors.
+    """
 
     def __init__(self, geodesy: Geodesy, declared: Mapping[int, Declaration]) -> None:
         self._geodesy, self._declared = geodesy, declared
         self._added_ns: dict[tuple[int, int], deque[int]] = {}
+        self._noted: list[tuple[Touched, Declaration]] = []
 
-    def refuse_beyond(
-        self,
-        editor_index: int,
-        attack: str,
-        part: str,
-        message: Sent,
-        old: Sent | None,
-        values: tuple[Values | None, Values | None],
-    ) -> None:
-        """Raise AdvpipeError if an attack, or a part of it, changed a message beyond its bounds.
+    def note(self, touched: Touched) -> None:
+        """Note a message that is to be checked, if its attack declares bounds."""
+        declared = self._declared.get(touched.editor_index)
+        if declared is not None and touched.part:
+            declared = declared.part(touched.part)
+        if declared is not None and declared.bounds:
+            self._noted.append((touched, declared))
 
-        old: the message before the attack, None for an added one. values: of the message before and after.
-        """
-        declared = self._declared.get(editor_index)
-        part_declared = declared.part(part) if declared is not None and part else declared
-        if part_declared is None or not part_declared.bounds:
+    def refuse_beyond(self) -> None:
+        """Raise AdvpipeError if a noted message was changed beyond its attack's bounds; forget them all."""
+        noted, self._noted = self._noted, []
+        if not noted:
             return
+        before_m = places_m(self._geodesy, [each.before for each, _ in noted])
+        after_m = places_m(self._geodesy, [each.after for each, _ in noted])
+        moved_m = np.hypot(*(after_m - before_m)).tolist()
+        for (touched, declared), distance_m in zip(noted, moved_m, strict=True):
+            for excess in excesses(self._change(touched, distance_m), declared.bounds, MESSAGE_QUANTITIES):
+                raise AdvpipeError(f"{touched.part or touched.attack} went beyond its bounds: {excess}")
+
+    def _change(self, touched: Touched, moved_m: float) -> MessageChange:
+        message, old = touched.message, touched.old
         if old is None:
-            count = self._added_in_a_second(editor_index, message)
-            change = MessageChange(self._geodesy, added_in_a_second=count)
-        else:
-            change = MessageChange(self._geodesy, *values, (message.request_ns - old.request_ns) / NS_PER_S)
-        for excess in excesses(change, part_declared.bounds, MESSAGE_QUANTITIES):
-            raise AdvpipeError(f"{part or attack} went beyond its bounds: {excess}")
+            count = self._added_in_a_second(touched.editor_index, message)
+            return MessageChange(self._geodesy, added_in_a_second=count)
+        delay_s = (message.request_ns - old.request_ns) / NS_PER_S
+        return MessageChange(self._geodesy, touched.before, touched.after, delay_s, moved_m=moved_m)
 
     def _added_in_a_second(self, editor_index: int, message: Sent) -> int:
         """How many messages the message's radio has added in the second that ends with this one."""

@@ -7,6 +7,7 @@ from typing import Any
 from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.codec.codec import CamTree, decode_cam_tree, encode_cam_tree
 from advpipe.pipeline.v2x.codec.codes import AccelerationControl
+from advpipe.pipeline.v2x.codec.quantities import LATITUDE, LONGITUDE
 from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, HIGH, PEDALS, PLAIN, QUANTITIES, is_vehicle
 
 LOW, VEHICLE_LOW = "lowFrequencyContainer", "basicVehicleContainerLowFrequency"
@@ -52,6 +53,12 @@ def field_of(tree: CamTree, field: str) -> Any:
         return _at(tree, PLAIN[field])
     pedals = tree["cam"]["camParameters"][HIGH][1].get("accelerationControl")
     return None if pedals is None else AccelerationControl(pedals[0])
+
+
+def position_deg(tree: CamTree) -> tuple[float | None, float | None]:
+    """Latitude and longitude of a CAM; None where it states none."""
+    place = tree["cam"]["camParameters"]["basicContainer"]["referencePosition"]
+    return LATITUDE.value(place["latitude"]), LONGITUDE.value(place["longitude"])
 
 
 def with_fields(tree: CamTree, **fields: Any) -> CamTree:

@@ -295,9 +295,10 @@ class V2xChange:
 def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
     """The messages after an editor, which sees those of its types alone."""
     names = editor.traits.message_types if isinstance(editor, V2xAttack) else (CAM.name,)
-    seen = tuple(one for one in sent if message_type_of(one.payload).name in names)
-    others = [one for one in sent if message_type_of(one.payload).name not in names]
-    return [*editor.edit(step, seen), *others]
+    seen, others = list[Sent](), list[Sent]()
+    for one in sent:
+        (seen if message_type_of(one.payload).name in names else others).append(one)
+    return [*editor.edit(step, tuple(seen)), *others]
 
 
 def _order(sent: Sent) -> tuple[int, int]:

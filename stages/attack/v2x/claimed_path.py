@@ -8,7 +8,7 @@ from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.codec.timestamps import generation_time_ns
 from advpipe.pipeline.v2x.facilities.cam import PathPoint
 from advpipe.pipeline.v2x.facilities.path_history import PathHistory
-from advpipe.stages.attack.v2x.cams import LOW, VEHICLE_LOW, field_of, with_code
+from advpipe.stages.attack.v2x.cams import LOW, VEHICLE_LOW, field_of, position_deg, with_code
 
 _LOW = ("cam", "camParameters", LOW)
 
@@ -25,7 +25,7 @@ class ClaimedPath:
 
     def follow(self, sent: Sent, tree: CamTree, is_attacked: bool) -> CamTree:
         """The CAM, with its path history, if any, replaced if the message is attacked."""
-        latitude_deg, longitude_deg = field_of(tree, "latitude_deg"), field_of(tree, "longitude_deg")
+        latitude_deg, longitude_deg = position_deg(tree)
         altitude_m = field_of(tree, "altitude_m")
         if latitude_deg is None or longitude_deg is None:
             return tree

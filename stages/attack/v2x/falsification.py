@@ -13,7 +13,7 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack
-from advpipe.stages.attack.v2x.cams import field_of, with_fields
+from advpipe.stages.attack.v2x.cams import field_of, position_deg, with_fields
 from advpipe.stages.attack.v2x.claimed_path import ClaimedPath
 
 REFERENCE_POINT_M = "reference_point_m"
@@ -90,11 +90,8 @@ class Falsification(V2xAttack):
         """The reference points in the CAMs, converted together."""
         if not self._needs_position or not trees:
             return [(np.nan, np.nan)] * len(trees)
-        degrees = [
-            [np.nan if (degree := field_of(tree, name)) is None else degree for tree in trees]
-            for name in ("latitude_deg", "longitude_deg")
-        ]
-        x_m, y_m, _ = self.context.geodesy.to_map([*degrees, [0.0] * len(trees)])
+        degrees = np.array([position_deg(tree) for tree in trees], np.float64).T
+        x_m, y_m, _ = self.context.geodesy.to_map([*degrees, np.zeros(len(trees))])
         return list(zip(x_m.tolist(), y_m.tolist(), strict=True))
 
     def _to_geographic(self, changes: Sequence[dict[str, Any]]) -> None:

@@ -30,7 +30,7 @@ from advpipe.pipeline.v2x.facilities.cam_values import FIELDS, Values, changed_f
 from advpipe.pipeline.v2x.facilities.effect import has_effect
 from advpipe.pipeline.v2x.message_type import is_cam, message_type_of
 from advpipe.stages.attack.v2x.base import MessageEditor, V2xAttack
-from advpipe.stages.attack.v2x.bounds_check import BoundsCheck
+from advpipe.stages.attack.v2x.bounds_check import BoundsCheck, Touched
 from advpipe.stages.attack.v2x.cams import CamEditor, field_of
 from advpipe.stages.attack.v2x.identities import StationIdentities
 
@@ -131,6 +131,7 @@ class Labels:
         for number, message in olds.items():
             self._held_back[editor_index, number] = message
             self._step_held_back.append((editor.name, message))
+        self._bounds_check.refuse_beyond()
         while self._grown is not None and len(self._held_back) > MOST_HELD_BACK:
             self._add_dropped(*next(iter(self._held_back)))
         if len(self._rows) >= _BLOCK:
@@ -210,7 +211,7 @@ class Labels:
             self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
-        if not _is_cam(message) or not attack.context.acts(message):
+        if not attack.context.acts(message) or not _is_cam(message):
             return False
         return self.cams.open(message.payload) is None
 
@@ -257,9 +258,8 @@ class Labels:
             false_values,
         )
         if is_sent:
-            self._bounds_check.refuse_beyond(
-                editor_index, row.attack, row.part, message, old, (row.before, row.false)
-            )
+            touched = Touched(editor_index, row.attack, row.part, message, old, row.before, row.false)
+            self._bounds_check.note(touched)
         self._rows.append(row)
         self._step_rows.append(row)
         self.counts[f"{message_type_of(message.payload).codec.name}s {action}"] += 1

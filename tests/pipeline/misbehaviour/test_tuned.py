@@ -16,6 +16,7 @@ from advpipe.pipeline.misbehaviour.catch import (
 )
 from advpipe.pipeline.misbehaviour.catch_tuning import CATCH_RANGES
 from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorConfig
+from advpipe.pipeline.misbehaviour.tuning import PARDON_S
 
 
 def test_every_check_has_a_threshold() -> None:
@@ -23,6 +24,12 @@ def test_every_check_has_a_threshold() -> None:
     assert list(THRESHOLDS) == list(CHECKS)
     assert all(THRESHOLDS[name] >= check.least for name, check in CHECKS.items())
     assert DetectorConfig().thresholds == THRESHOLDS
+
+
+def test_no_threshold_is_set_by_hand() -> None:
+    assert list(tuned.CANDIDATES) == list(tuned.THRESHOLDS)
+    assert all(tuned.THRESHOLDS[name] in levels for name, levels in tuned.CANDIDATES.items())
+    assert tuned.PARDON_S in PARDON_S
 
 
 @pytest.mark.parametrize("parameters", [BOUNDED_CATCH, F1_CATCH, *PUBLISHED_CATCH.values()])

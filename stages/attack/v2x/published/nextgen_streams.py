@@ -16,7 +16,7 @@ from advpipe.pipeline.v2x.channel import Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.stages.attack.bounds import checked_integer
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
-from advpipe.stages.attack.v2x.cams import field_of, with_fields
+from advpipe.stages.attack.v2x.cams import field_of, position_deg, with_fields
 from advpipe.stages.attack.v2x.flood import degrees_per_metre
 from advpipe.stages.attack.v2x.overheard_messages import OverheardMessages, with_later_time
 from advpipe.stages.attack.v2x.published.own_rate import OwnRateFlood, as_own
@@ -138,11 +138,14 @@ class NextgenReplay(V2xAttack):
         self._lengths = {one: int(rng.integers(4, 9)) for one, rng in self._rngs.items()}
         self._counts = dict.fromkeys(context.attackers, 0)
         self._last: dict[int, Sent] = {}
+        self._places_m: dict[int, tuple[int, tuple[float, float]]] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         in_order = sorted(sent, key=lambda message: (message.request_ns, message.number))
         edited = [self._replayed(one) if self.context.acts(one) else one for one in in_order]
         self._overheard.listen(step, sent)
+        horizon_ns = step.begin_ns - REPLAYED_NS
+        self._places_m = {number: place for number, place in self._places_m.items() if place[0] >= horizon_ns}
         return edited
 
     def _replayed(self, message: Sent) -> Sent:
@@ -154,25 +157,27 @@ class NextgenReplay(V2xAttack):
         return replace(message, payload=cams.close(as_own(tree, own, 0)))
 
     def _choose(self, message: Sent) -> Sent | None:
-        attacker, near = message.station_id, self._near(message)
+        attacker, stations = (
+            message.station_id,
+            self._overheard.stations(message.station_id, message.request_ns),
+        )
         last = self._last.get(attacker)
         if last is not None and self._counts[attacker] < self._lengths[attacker]:
-            later = (one for one in near if one.station_id == last.station_id)
-            found = next((one for one in later if one.request_ns > last.request_ns), None)
+            again = self._near(message, [last.station_id])
+            found = next((one for one in again if one.request_ns > last.request_ns), None)
             if found is not None:
                 self._counts[attacker] += 1
                 return found
-        others = [one for one in near if last is None or one.station_id != last.station_id]
+        others = self._near(message, [one for one in stations if last is None or one != last.station_id])
         if not others:
             return None
         self._counts[attacker] = 0
         victim = others[int(self._rngs[attacker].integers(len(others)))].station_id
         return next(one for one in others if one.station_id == victim)
 
-    def _near(self, message: Sent) -> list[Sent]:
-        """The messages to choose from, in order of time."""
+    def _near(self, message: Sent, stations: Sequence[int]) -> list[Sent]:
+        """The messages of these stations to choose from, in order of time."""
         now_ns, own_m = message.request_ns, self._place_m(message)
-        stations = self._overheard.stations(message.station_id, now_ns)
         found = [
             one
             for station in stations
@@ -182,14 +187,17 @@ class NextgenReplay(V2xAttack):
         return sorted(found, key=lambda one: (one.request_ns, one.number))
 
     def _place_m(self, message: Sent) -> tuple[float, float]:
+        """Where a message claims to be from; remembered, as each attacker looks at it many times."""
+        if message.number not in self._places_m:
+            self._places_m[message.number] = message.request_ns, self._claimed_m(message)
+        return self._places_m[message.number][1]
+
+    def _claimed_m(self, message: Sent) -> tuple[float, float]:
         tree = self.context.cams.open(message.payload)
-        degrees = [
-            None if tree is None else field_of(tree, name) for name in ("latitude_deg", "longitude_deg")
-        ]
-        if degrees[0] is None or degrees[1] is None:
+        latitude_deg, longitude_deg = (None, None) if tree is None else position_deg(tree)
+        if latitude_deg is None or longitude_deg is None:
             return math.inf, math.inf
-        x_m, y_m, _ = self.context.geodesy.to_map([degrees[0], degrees[1], 0.0]).tolist()
-        return x_m, y_m
+        return self.context.geodesy.place_m(latitude_deg, longitude_deg)
 
 
 def _signed(rng: np.random.Generator, least: float, most: float) -> float:
