@@ -11,6 +11,7 @@ from small_drive import (
     EGO,
     EVERYTHING,
     GHOST,
+    LEADER,
     START_NS,
     STEP_NS,
     Lies,
@@ -67,6 +68,24 @@ def test_points_off_the_rays_name_the_lidar(tmp_path: Path) -> None:
     found = investigate(record_small_drive(tmp_path / "drive", Lies(off_ray_m=0.05)))
     assert [one.name for one in found.suspects] == ["/ego/lidar/points"]
     assert found.suspects[0].start_s == pytest.approx(3.0, abs=0.3)
+
+
+def test_holes_in_surfaces_name_the_lidar_until_they_end(tmp_path: Path) -> None:
+    found = investigate(record_small_drive(tmp_path / "drive", Lies(removed=20)))
+    (one,) = found.suspects
+    assert one.name == "/ego/lidar/points"
+    assert one.start_s == pytest.approx(3.0, abs=0.3)
+    row = next(row for row in one.episodes[0].evidence if row.cue == "lidar-temporal")
+    assert "vanish from the middle of surfaces" in row.words
+
+
+def test_a_vehicle_that_vanishes_in_free_sight_names_the_lidar_and_not_its_station(tmp_path: Path) -> None:
+    found = investigate(record_small_drive(tmp_path / "drive", Lies(hidden=True)))
+    (one,) = found.suspects
+    assert one.name == "/ego/lidar/points"
+    assert one.start_s == pytest.approx(3.0, abs=0.3)
+    row = next(row for row in one.episodes[0].evidence if row.cue == "lidar-tracks")
+    assert f"no longer sees the vehicle of station {LEADER}" in row.words
 
 
 def test_what_no_vehicle_knows_changes_no_byte_of_the_answer(tmp_path: Path) -> None:
