@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -32,7 +32,8 @@ LIDAR = "sensors.lidars={lidar: {channels: 32, points_per_second: 144000}}"
 EARLIEST_S, LATEST_S = 4.0, 8.0
 """A lie begins between these times, elsewhere in each bag."""
 LIE_S, CLOUD_LIE_S = 6.0, 2.0
-"""How long it lasts; that of a LiDAR is shorter, as it takes a second of work for each cloud."""
+"""How long it lasts; that of a LiDAR is shorter, as it takes a second of work for each cloud (half a second
+with recipes that search)."""
 
 V2X = tuple(name for name in V2X_ATTACKS if name.startswith("cam-"))
 GNSS_WORDS = tuple(GNSS_ATTACKS)
@@ -40,7 +41,7 @@ LIDAR_WORDS = ("detach", "perturb", "attach")
 ATTACKS = (*V2X, *GNSS_WORDS, *LIDAR_WORDS)
 PERCEPTION = tuple(name for name in V2X_ATTACKS if not name.startswith("cam-"))
 """Attacks on CPMs and DENMs, in drives of their own."""
-SEARCHED = tuple(f"{word}:{recipe}" for word in LIDAR_WORDS for recipe in ("best", "stealthy"))
+SEARCHED = tuple(f"{word}:{recipe}" for word in ("attach", "detach") for recipe in ("best", "stealthy"))
 """LiDAR attacks that search with the shipped detector, of which each cloud takes many seconds."""
 
 TOGETHER = (
@@ -81,9 +82,8 @@ CARS, MESSAGES = "traffic.vehicles=80", ("traffic.vehicles=40", "v2x.cpm={}", "v
 TUNING = (
     _site("d711", "boulevard", 711, CARS),
     _site("d712", "district", 712, CARS),
-    _site("d713", "boulevard", 713, CARS),
 )
-"""The boulevard and a random network; each attack is made on two of them."""
+"""The boulevard and a random network; each attack is made on one of them at least."""
 TUNING_PERCEPTION = (_site("d731", "boulevard", 731, *MESSAGES, duration_s=14),)
 TUNING_CLEAN = (
     _site("d721", "boulevard", 721, "traffic.vehicles=60", duration_s=120),
@@ -118,49 +118,62 @@ def clean_sites(whole_s: float) -> list[InvestigatedSite]:
     ]
 
 
-def tuning_bags(folder: Path) -> Iterator[Path]:
-    """Yield the bags that limits and weights are fitted to."""
-    for number, site in enumerate(TUNING):
-        yield recorded(folder, site)
-        yield from attacked(folder, site, [word for at, word in enumerate(ATTACKS) if at % 3 != number])
-    for site in TUNING_PERCEPTION:
-        yield recorded(folder, site)
-        yield from attacked(folder, site, PERCEPTION)
-    for site in TUNING_CLEAN:
-        yield recorded(folder, site)
+@dataclass(frozen=True)
+class DriveFolder:
+    """Where the bags are. makes: whether those that are not there are made, or left out."""
 
+    path: Path
+    makes: bool = True
 
-def test_bags(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yield the attack and the bag of each drive with one attack."""
-    for sites, words in ((TESTS, ATTACKS), (TEST_PERCEPTION, PERCEPTION), (TESTS[:1], SEARCHED)):
-        for site in sites:
-            yield from zip(words, attacked(folder, site, words), strict=True)
+    def clean(self, site: InvestigatedSite) -> Iterator[Path]:
+        """Yield the clean bag of a site."""
+        out = self.path / site.name
+        if not (out / "clean" / "metadata.yaml").exists() and self.makes:
+            print(f"recording {site.name} ...", flush=True)
+            advpipe.simulate(site.scenario, settings=list(site.settings), out=out, overwrite=True)
+        if (out / "clean" / "metadata.yaml").exists():
+            yield out / "clean"
 
+    def attacked(self, site: InvestigatedSite, *words: str) -> Iterator[Path]:
+        """Yield the bag of a site in which these attacks lie in the same seconds."""
+        for clean in self.clean(site):
+            out = self.path / site.name / "+".join(words).replace(":", "-")
+            if not (out / "metadata.yaml").exists() and self.makes:
+                _attack(clean, out, *words)
+            if (out / "metadata.yaml").exists():
+                yield out
 
-def recorded(folder: Path, site: InvestigatedSite) -> Path:
-    """The clean bag of a site, recorded if it is not there."""
-    if not (folder / site.name / "clean" / "metadata.yaml").exists():
-        print(f"recording {site.name} ...", flush=True)
-        advpipe.simulate(site.scenario, settings=list(site.settings), out=folder / site.name, overwrite=True)
-    return folder / site.name / "clean"
+    def tuning(self) -> Iterator[Path]:
+        """Yield the bags that limits and weights are fitted to."""
+        for number, site in enumerate(TUNING):
+            yield from self.clean(site)
+            for at, word in enumerate(ATTACKS):
+                if at % 3 != number:
+                    yield from self.attacked(site, word)
+        for site in TUNING_PERCEPTION:
+            yield from self.clean(site)
+            for word in PERCEPTION:
+                yield from self.attacked(site, word)
+        for site in TUNING_CLEAN:
+            yield from self.clean(site)
 
+    def tests(self) -> Iterator[tuple[str, Path]]:
+        """Yield the attack and the bag of each drive with one attack."""
+        for sites, words in ((TESTS, ATTACKS), (TEST_PERCEPTION, PERCEPTION), (TESTS[:1], SEARCHED)):
+            for site in sites:
+                for word in words:
+                    for bag in self.attacked(site, word):
+                        yield word, bag
 
-def attacked(folder: Path, site: InvestigatedSite, words: Sequence[str]) -> Iterator[Path]:
-    """Yield the bags of a site with one attack each, made if they are not there."""
-    clean = recorded(folder, site)
-    for word in words:
-        out = folder / site.name / word.replace(":", "-")
-        if not (out / "metadata.yaml").exists():
-            _attack(clean, out, word)
-        yield out
+    def coordinated(self, count: int) -> Iterator[Path]:
+        """Yield the bags with three attacks at once."""
+        for site, words in coordinated_sites(count):
+            yield from self.attacked(site, *words)
 
-
-def together(folder: Path, site: InvestigatedSite, words: Sequence[str]) -> Path:
-    """The bag of a site in which attacks of three families lie in the same seconds."""
-    clean, out = recorded(folder, site), folder / site.name / "+".join(words)
-    if not (out / "metadata.yaml").exists():
-        _attack(clean, out, *words)
-    return out
+    def clean_drives(self, whole_s: float) -> Iterator[Path]:
+        """Yield the clean drives on the test maps."""
+        for site in (*TESTS, *TEST_PERCEPTION, *clean_sites(whole_s)):
+            yield from self.clean(site)
 
 
 def _attack(clean: Path, out: Path, *words: str) -> None:

@@ -60,6 +60,10 @@ class Calibration:
         """For JSON."""
         return {**vars(self), "cues": {name: vars(one) for name, one in self.cues.items()}}
 
+    def text(self) -> str:
+        """The whole file."""
+        return json.dumps(self.to_plain(), indent=1) + "\n"
+
     @classmethod
     def of_plain(cls, plain: Mapping[str, Any]) -> Calibration:
         """The inverse of `to_plain`."""
