@@ -76,7 +76,7 @@ def test_holes_in_surfaces_name_the_lidar_until_they_end(tmp_path: Path) -> None
     assert one.name == "/ego/lidar/points"
     assert one.start_s == pytest.approx(3.0, abs=0.3)
     row = next(row for row in one.episodes[0].evidence if row.cue == "lidar-temporal")
-    assert "vanish from the middle of surfaces" in row.words
+    assert "vanish from the middle of bright surfaces" in row.words
 
 
 def test_a_vehicle_that_vanishes_in_free_sight_names_the_lidar_and_not_its_station(tmp_path: Path) -> None:
