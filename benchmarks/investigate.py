@@ -17,12 +17,13 @@ import argparse
 import json
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from common import finish, machine
-from investigate_drives import CuedReading, DriveFolder, TrueLie, cued_readings, true_lies
+from investigate_drives import COORDINATED, CuedReading, DriveFolder, TrueLie, cued_readings, true_lies
 from investigate_outcome import BagOutcome, culprits, outcome
 from investigate_tuning import tuned
 
@@ -195,7 +196,9 @@ def main() -> None:
     parser.add_argument("what", choices=("record", "tune", "evaluate"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--there", action="store_true", help="use only the bags that are there")
-    parser.add_argument("--coordinated", type=int, default=12, help="drives with three attacks at once")
+    parser.add_argument(
+        "--coordinated", type=int, default=COORDINATED, help="drives with three attacks at once"
+    )
     parser.add_argument("--clean-s", type=float, default=3600, help="of clean driving")
     parser.add_argument("--out", type=Path, help="where tune writes, instead of the package")
     parser.add_argument(
@@ -209,7 +212,9 @@ def main() -> None:
                 print(bag, flush=True)
         print(*folder.clean_drives(given.clean_s), sep="\n")
     elif given.what == "tune":
-        found = tuned(known(folder.tuning()), LEAST)
+        bags = list(folder.tuning())
+        drives = tuple(dict.fromkeys(bag.parent.name for bag in bags))
+        found = replace(tuned(known(bags), LEAST), drives=drives)
         path = given.out or Path(calibrations.__file__).with_name(calibrations.FILE)
         path.write_text(found.text(), encoding="utf-8")
         print(json.dumps(found.to_plain(), indent=1))

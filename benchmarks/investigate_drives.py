@@ -44,6 +44,8 @@ PERCEPTION = tuple(name for name in V2X_ATTACKS if not name.startswith("cam-"))
 SEARCHED = tuple(f"{word}:{recipe}" for word in ("attach", "detach") for recipe in ("best", "stealthy"))
 """LiDAR attacks that search with the shipped detector, of which each cloud takes many seconds."""
 
+COORDINATED = 12
+"""Drives with three attacks at once."""
 TOGETHER = (
     *("cam-position-offset", "cam-position-constant", "cam-position-random-offset", "cam-speed-offset"),
     *("cam-heading-reversed", "cam-sudden-stop", "cam-replay", "cam-masquerade", "cam-dos"),
@@ -76,22 +78,26 @@ def _generated(kind: str, size: int, block_m: float, lanes: int) -> tuple[str, s
     return "map.sumo_net=null", f"map.generator={network}"
 
 
-GRID, SPIDER = _generated("grid", 4, 180, 2), _generated("spider", 6, 160, 2)
-CARS, MESSAGES = "traffic.vehicles=80", ("traffic.vehicles=40", "v2x.cpm={}", "v2x.denm={}")
+GRID, SPIDER = _generated("grid", 3, 210, 2), _generated("spider", 4, 150, 2)
+CARS, FEWER_CARS = "traffic.vehicles=80", "traffic.vehicles=50"
+MESSAGES = ("traffic.vehicles=40", "v2x.cpm={}", "v2x.denm={}")
 
 TUNING = (
     _site("d711", "boulevard", 711, CARS),
     _site("d712", "district", 712, CARS),
 )
-"""The boulevard and a random network; each attack is made on one of them at least."""
+"""The boulevard and a random network; each attack is made on one of them."""
 TUNING_PERCEPTION = (_site("d731", "boulevard", 731, *MESSAGES, duration_s=14),)
 TUNING_CLEAN = (
-    _site("d721", "boulevard", 721, "traffic.vehicles=60", duration_s=120),
-    _site("d722", "district", 722, "traffic.vehicles=60", duration_s=120),
+    _site("d721", "boulevard", 721, "traffic.vehicles=60", duration_s=60),
+    _site("d722", "district", 722, "traffic.vehicles=60", duration_s=60),
 )
 
-TESTS = (_site("t811", "boulevard", 811, *GRID, CARS), _site("t812", "boulevard", 812, *SPIDER, CARS))
-"""A grid and a spider's web, on which nothing was tuned."""
+TESTS = (
+    _site("t811", "boulevard", 811, *GRID, FEWER_CARS),
+    _site("t812", "boulevard", 812, *SPIDER, FEWER_CARS),
+)
+"""A grid and a spider's web. Nothing was tuned on them, nor the checks of CAMs (`misbehaviour_drives.py`)."""
 TEST_PERCEPTION = (_site("t831", "boulevard", 831, *GRID, *MESSAGES, duration_s=14),)
 
 
@@ -100,21 +106,21 @@ def coordinated_sites(count: int) -> list[tuple[InvestigatedSite, tuple[str, ...
     pairs = []
     for number in range(count):
         network = (GRID, SPIDER)[number % 2]
-        site = _site(f"c{number:02d}", "boulevard", 900 + number, *network, CARS)
+        site = _site(f"c{number:02d}", "boulevard", 900 + number, *network, FEWER_CARS)
         words = TOGETHER[(5 * number + 11) % len(TOGETHER)], GNSS_WORDS[number % len(GNSS_WORDS)]
         pairs.append((site, (*words, LIDAR_WORDS[number % 3])))
     return pairs
 
 
 def clean_sites(whole_s: float) -> list[InvestigatedSite]:
-    """Clean drives of 300 s on both test maps, as many as make the whole time."""
+    """Clean drives of 150 s on both test maps, as many as make the whole time."""
     return [
         _site(
             *(f"h{number:02d}", "boulevard", 1000 + number, *(GRID, SPIDER)[number % 2]),
-            "traffic.vehicles=50",
-            duration_s=min(300.0, whole_s - start_s),
+            FEWER_CARS,
+            duration_s=min(150.0, whole_s - start_s),
         )
-        for number, start_s in enumerate(range(0, int(whole_s), 300))
+        for number, start_s in enumerate(range(0, int(whole_s), 150))
     ]
 
 
@@ -148,7 +154,7 @@ class DriveFolder:
         for number, site in enumerate(TUNING):
             yield from self.clean(site)
             for at, word in enumerate(ATTACKS):
-                if at % 3 != number:
+                if (at % 3 == 0) == (number == 1):
                     yield from self.attacked(site, word)
         for site in TUNING_PERCEPTION:
             yield from self.clean(site)
@@ -172,7 +178,9 @@ class DriveFolder:
 
     def clean_drives(self, whole_s: float) -> Iterator[Path]:
         """Yield the clean drives on the test maps."""
-        for site in (*TESTS, *TEST_PERCEPTION, *clean_sites(whole_s)):
+        for site in (*TESTS, *TEST_PERCEPTION, *(site for site, _ in coordinated_sites(COORDINATED))):
+            yield from self.clean(site)
+        for site in clean_sites(whole_s):
             yield from self.clean(site)
 
 

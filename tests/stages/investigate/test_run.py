@@ -23,7 +23,9 @@ from small_drive import (
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import cloud_to_cdr
 from advpipe.pipeline.messages.v2x import udp_packet_cdr
 from advpipe.pipeline.scenario import load_scenario
@@ -146,6 +148,33 @@ def test_a_bag_of_received_messages_alone_is_judged(tmp_path: Path) -> None:
     assert 5 in [one.station_id for one in found.suspects]
     one = next(one for one in found.suspects if one.station_id == 5)
     assert one.start_s == pytest.approx(3.1, abs=0.5)
+
+
+@pytest.mark.parametrize(("silence_s", "stations"), [(None, 8), (0.0, 1)])
+def test_a_new_pseudonym_is_the_station_whose_way_it_continues(
+    tmp_path: Path, silence_s: float | None, stations: int
+) -> None:
+    """A car 20 m ahead changes its id every second; without links, each is a station of its own."""
+    with BagWriter(tmp_path / "drive", provenance={}) as bag:
+        for number in range(80):
+            now_ns, x_m = START_NS + number * STEP_NS, float(number)
+            pose = se3_from_yaw([x_m, 0.0, 0.0], 0.0)
+            message = build.odometry(
+                now_ns,
+                pose,
+                (10.0, 0.0, 0.0),
+                (0.0, 0.0, 0.0),
+                frame_id="map",
+                child_frame_id=EGO.base_frame,
+                pose_covariance=np.eye(6) * 1e-4,
+                twist_covariance=np.eye(6) * 1e-4,
+            )
+            bag.write(EGO.odometry, message, now_ns)
+            one = cam(100 + number // 10, now_ns, (x_m + 20.0, 0.0))
+            bag.write_cdr(EGO.received_raw, udp_packet_cdr(now_ns + 1_000_000, one), now_ns + 1_000_000)
+    found = investigate(tmp_path / "drive", silence_s=silence_s)
+    assert found.watched == stations
+    assert found.suspects == ()
 
 
 def test_another_tools_clouds_are_judged_by_their_type(tmp_path: Path) -> None:

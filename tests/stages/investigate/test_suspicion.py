@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
 
 import pytest
 
-from advpipe.stages.investigate.calibration import Calibration, CueCalibration, shipped_calibration
+from advpipe.stages.investigate.calibration import FILE, Calibration, CueCalibration, shipped_calibration
 from advpipe.stages.investigate.cue import GNSS, CueReading, station
 from advpipe.stages.investigate.registry import CUES
 from advpipe.stages.investigate.suspicion import FORGET_S, CumulativeSuspicion
@@ -79,3 +80,12 @@ def test_the_shipped_calibration_knows_every_cue() -> None:
     assert Calibration.of_plain(shipped.to_plain()) == shipped
     assert shipped.without("free-space").cues["free-space"].weight == 0.0
     assert shipped.probability({}) < shipped.alarm_probability
+
+
+def test_the_shipped_calibration_is_the_file_that_the_benchmark_writes() -> None:
+    """Byte by byte, so that no number in it was set by hand since; and every limit has its least."""
+    path = files("advpipe.stages.investigate").joinpath(FILE)
+    shipped = shipped_calibration()
+    assert path.read_text(encoding="utf-8") == shipped.text()
+    assert shipped.drives
+    assert all(one.limit > 0 and one.weight >= 0 and 1 <= one.sharpness <= 4 for one in shipped.cues.values())
