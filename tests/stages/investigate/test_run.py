@@ -29,6 +29,8 @@ from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.cloud import cloud_to_cdr
 from advpipe.pipeline.messages.v2x import udp_packet_cdr
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.investigate.evidence_topics import find_evidence
 from advpipe.stages.investigate.page import investigation_page
 from advpipe.stages.investigate.run import investigate
@@ -102,17 +104,38 @@ def test_what_no_vehicle_knows_changes_no_byte_of_the_answer(tmp_path: Path) -> 
     assert str(GHOST) in whole
 
 
-def test_of_a_simulated_drive_only_what_the_vehicle_had_is_read(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The clean bag of a drive of three seconds in which all send, by a LiDAR of two rings."""
     coarse = ("sensors.lidars.lidar.channels=2", "sensors.lidars.lidar.points_per_second=4000")
-    settings = (*coarse, "simulation.duration_s=1", "v2x.penetration=1")
-    drive = simulate(load_scenario("smoke", settings), tmp_path / "drive").bag
-    read = find_evidence(BagReader(drive)).kinds
+    settings = (*coarse, "simulation.duration_s=3", "v2x.penetration=1")
+    return simulate(load_scenario("smoke", settings), tmp_path_factory.mktemp("drives") / "drive").bag
+
+
+def test_of_a_simulated_drive_only_what_the_vehicle_had_is_read(simulated: Path) -> None:
+    read = find_evidence(BagReader(simulated)).kinds
     sensed = ("lidar/points", "gnss/fix", "wheel/odometry", "imu", "odometry", "initialpose")
     received = ("v2x/rx/raw", "v2x/rx/info")
     assert set(read) == {
         *(f"/ego/{name}" for name in (*sensed, *received)),
         *("/tf", "/tf_static", "/map/lanes"),
     }
+
+
+def test_an_attacked_bag_without_what_no_vehicle_knows_gets_the_same_answer(
+    simulated: Path, tmp_path: Path
+) -> None:
+    """Truth, true receptions, `/v2x/...`, scenario, provenance and labels are stripped from it."""
+    spec = attack_spec({"type": "cam-position-random-offset", "schedule": {"from_s": 1.0}})
+    attack(simulated, tmp_path / "attacked", AttackRequest((spec,)), workers=1)
+    reader = BagReader(tmp_path / "attacked")
+    allowed = find_evidence(reader).kinds
+    with BagWriter(tmp_path / "stripped", provenance={}) as bag:
+        for raw in reader.raw_messages(sorted(allowed)):
+            bag.copy(raw)
+    whole, stripped = (investigate(tmp_path / name).to_plain() for name in ("attacked", "stripped"))
+    assert json.dumps(whole) == json.dumps(stripped)
+    assert whole["watched"] > 2
 
 
 @pytest.mark.parametrize(
