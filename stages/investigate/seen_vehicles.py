@@ -40,11 +40,14 @@ class SeenVehicles:
         else:
             self._tracks[number] = _Track(claim, time_ns, known.clouds + 1, time_ns)
 
+    def forget(self, now_ns: int) -> None:
+        """Drop the tracks that were last seen too long ago."""
+        oldest_ns = now_ns - REMEMBERED_S * 1e9
+        self._tracks = {number: one for number, one in self._tracks.items() if one.time_ns >= oldest_ns}
+
     def expected(self, time_ns: int) -> Mapping[int, tuple[float, ...]]:
         """By station, the box of each track not seen at a time, moved on there; old ones are forgotten."""
-        self._tracks = {
-            number: one for number, one in self._tracks.items() if time_ns - one.time_ns <= REMEMBERED_S * 1e9
-        }
+        self.forget(time_ns)
         boxes = {
             number: claimed_box(one.claim, time_ns)
             for number, one in self._tracks.items()

@@ -50,6 +50,7 @@ class FreeSpaceCue(Cue):
             map_SE3_base = situation.map_SE3_base(scan.time_ns)
             if map_SE3_base is None or scan.base_SE3_lidar is None:
                 continue
+            self._tracks.forget(scan.time_ns)
             found = list(_candidates(situation, scan))
             sights = seen_boxes([one.box for one in found], scan, map_SE3_base)
             for one, seen in zip(found, sights, strict=True):
