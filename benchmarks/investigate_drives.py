@@ -217,13 +217,17 @@ class TrueLie:
 
 
 def true_lies(bag: Path) -> list[TrueLie]:
-    """All lies that reach the vehicle, by the labels of a bag."""
+    """All lies that reach the vehicle, by the labels of a bag; kept beside it."""
+    cache = bag / "investigate-lies.pickle"
+    if cache.exists():
+        return pickle.loads(cache.read_bytes())
     found: dict[Suspect, TrueLie] = {}
     for suspect, word, time_ns in _false_times(bag):
         known = found.get(suspect, TrueLie(suspect, word, time_ns, time_ns))
         found[suspect] = TrueLie(
             suspect, known.attack, min(known.start_ns, time_ns), max(known.end_ns, time_ns)
         )
+    cache.write_bytes(pickle.dumps(list(found.values())))
     return list(found.values())
 
 
@@ -231,8 +235,9 @@ def _false_times(bag: Path) -> Iterator[tuple[Suspect, str, int]]:
     """Each false thing that the vehicle received or measured: by whom, the attack and the time."""
     labels = {label.number: label for label in read_labels(bag) if label.is_false}
     reader = BagReader(bag)
-    for kind in MESSAGE_TYPES.values() if labels else ():
-        for one in recorded_receptions(reader, VEHICLE, kind=kind):
+    kinds = {label.attack.partition("-")[0] for label in labels.values()} & MESSAGE_TYPES.keys()
+    for name in sorted(kinds):
+        for one in recorded_receptions(reader, VEHICLE, kind=MESSAGE_TYPES[name]):
             if one.number in labels and one.payload is not None:
                 number = claimed_station_id(one.payload)
                 yield station(-1 if number is None else number), labels[one.number].attack, one.arrival_ns

@@ -26,6 +26,7 @@ HIGH_SCORE, HIGH_SHARE = 2.0, 0.004
 RIDGE, PRIOR_WEIGHT = 0.5, 0.7
 """Weights are drawn to the prior: of a cue that no tuning drive needs, a regression knows nothing."""
 FOLDS = 5
+MOST_LIARS = 5
 
 Judged = tuple[Sequence[CuedReading], Sequence[TrueLie]]
 """What the cues read in a bag, and who lies in it."""
@@ -33,11 +34,17 @@ Judged = tuple[Sequence[CuedReading], Sequence[TrueLie]]
 
 @dataclass(frozen=True)
 class Units:
-    """scores: (U, C), by cue in the order of `CUES`. lied: (U,). group: (U,) the number of the bag."""
+    """scores: (U, C), by cue in the order of `CUES`. lied: (U,). group: (U,) the number of the bag. worth:
+    (U,) how much each counts: a flood of ids that one attacker makes up counts as `MOST_LIARS` of them."""
 
     scores: np.ndarray
     lied: np.ndarray
     group: np.ndarray
+
+    @property
+    def worth(self) -> np.ndarray:
+        liars = np.bincount(self.group, self.lied)[self.group]
+        return np.where(self.lied, np.minimum(1.0, MOST_LIARS / np.maximum(liars, 1)), 1.0)
 
 
 def tuned(bags: Sequence[Judged], least: dict[str, float]) -> Calibration:
@@ -48,8 +55,8 @@ def tuned(bags: Sequence[Judged], least: dict[str, float]) -> Calibration:
         -8.0,
     )
     found = units(bags, start)
-    weights, intercept = logistic(found.scores, found.lied)
-    slope, offset = platt(crossvalidated(found), found.lied)
+    weights, intercept = logistic(found.scores, found.lied, found.worth)
+    slope, offset = platt(crossvalidated(found), found.lied, found.worth)
     cues = {
         name: replace(start.cues[name], weight=round(float(slope * weight), 4))
         for name, weight in zip(CUES, weights, strict=True)
@@ -139,14 +146,14 @@ def units(bags: Sequence[Judged], calibration: Calibration) -> Units:
     return Units(np.array(scores), np.array(lied), np.array(group))
 
 
-def logistic(scores: np.ndarray, lied: np.ndarray) -> tuple[np.ndarray, float]:
+def logistic(scores: np.ndarray, lied: np.ndarray, worth: np.ndarray) -> tuple[np.ndarray, float]:
     """Weights (C,), none negative, and the intercept of a logistic regression with a prior."""
     from scipy.optimize import minimize
 
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
         odds, apart = scores @ parameters[:-1] + parameters[-1], parameters[:-1] - PRIOR_WEIGHT
-        error = 1 / (1 + np.exp(-np.clip(odds, -50, 50))) - lied
-        value = np.logaddexp(0, odds).sum() - odds[lied].sum() + RIDGE * (apart**2).sum()
+        error = worth * (1 / (1 + np.exp(-np.clip(odds, -50, 50))) - lied)
+        value = (worth * (np.logaddexp(0, odds) - lied * odds)).sum() + RIDGE * (apart**2).sum()
         return float(value), np.r_[scores.T @ error + 2 * RIDGE * apart, error.sum()]
 
     bounds = [(0.0, None)] * scores.shape[1] + [(None, None)]
@@ -160,21 +167,21 @@ def crossvalidated(found: Units) -> np.ndarray:
     odds = np.zeros(len(found.lied))
     for fold in range(FOLDS):
         mine = found.group % FOLDS == fold
-        weights, intercept = logistic(found.scores[~mine], found.lied[~mine])
+        weights, intercept = logistic(found.scores[~mine], found.lied[~mine], found.worth[~mine])
         odds[mine] = found.scores[mine] @ weights + intercept
     return odds
 
 
-def platt(odds: np.ndarray, lied: np.ndarray) -> tuple[float, float]:
+def platt(odds: np.ndarray, lied: np.ndarray, worth: np.ndarray) -> tuple[float, float]:
     """Slope and offset that make log odds (U,) calibrated (Platt 1999, with his smoothed targets)."""
     from scipy.optimize import minimize
 
-    many, few = int(lied.sum()), int((~lied).sum())
+    many, few = float(worth[lied].sum()), float(worth[~lied].sum())
     target = np.where(lied, (many + 1) / (many + 2), 1 / (few + 2))
 
     def loss(parameters: np.ndarray) -> float:
         turned = parameters[0] * odds + parameters[1]
-        return float((np.logaddexp(0, turned) - target * turned).sum())
+        return float((worth * (np.logaddexp(0, turned) - target * turned)).sum())
 
     found = minimize(loss, np.array([1.0, 0.0]), method="L-BFGS-B", bounds=[(0.2, 3.0), (None, None)])
     return float(found.x[0]), float(found.x[1])

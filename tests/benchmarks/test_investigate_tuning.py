@@ -79,7 +79,7 @@ def test_who_lies_gets_a_high_probability_and_who_does_not_a_low_one(
 def test_a_cue_that_no_drive_needs_keeps_its_prior_weight(tuning: ModuleType) -> None:
     scores, lied = np.zeros((100, 2)), np.arange(100) % 2 == 0
     scores[lied, 0] = 5.0
-    weights, _ = tuning.logistic(scores, lied)
+    weights, _ = tuning.logistic(scores, lied, np.ones(100))
     assert weights[1] == pytest.approx(tuning.PRIOR_WEIGHT, abs=1e-3)
     assert weights[0] > 0
 
@@ -88,7 +88,7 @@ def test_platts_line_mends_odds_that_are_too_sure(tuning: ModuleType) -> None:
     """Of those with odds of 4, three of four lied, whose log odds are ln 3."""
     odds = np.repeat([4.0, -4.0], 400)
     lied = np.r_[np.arange(400) % 4 > 0, np.arange(400) % 4 == 0]
-    slope, offset = tuning.platt(odds, lied)
+    slope, offset = tuning.platt(odds, lied, np.ones(800))
     assert slope * 4 + offset == pytest.approx(np.log(3), abs=0.05)
 
 

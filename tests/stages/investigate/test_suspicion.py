@@ -40,6 +40,16 @@ def test_the_alarm_comes_when_the_evidence_outweighs_the_prior() -> None:
     assert episode.cue_share == {"a": 1.0}
 
 
+def test_of_many_cues_none_of_which_says_much_the_first_says_when_it_began() -> None:
+    names = [f"cue {number}" for number in range(8)]
+    calibration = Calibration({name: CueCalibration(1.0, 1.0) for name in names}, -10.0)
+    suspicion = CumulativeSuspicion(calibration)
+    for number, name in enumerate(names):
+        suspicion.add(name, reading(1.0 + number / 100, 100.0))
+    ((_, record),), _ = suspicion.named()
+    assert record.episodes[0].start_ns == 1_000_000_000
+
+
 def test_evidence_fades_and_an_episode_ends() -> None:
     calibration = Calibration(SIMPLE.cues, -2.0, half_life_s=1.0, ceiling=3.0)
     suspicion = CumulativeSuspicion(calibration)
