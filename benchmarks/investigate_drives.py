@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
+from zlib import crc32
 
 import advpipe
 from advpipe.pipeline.bag.reader import BagReader
@@ -17,37 +18,40 @@ from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.labels.messages import read_labels
 from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
 from advpipe.pipeline.v2x.message_type import MESSAGE_TYPES, claimed_station_id
+from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.registry import default_budget
 from advpipe.stages.attack.run import AttackRequest, attack
+from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 from advpipe.stages.investigate.cue import GNSS, CueReading, Suspect, station
 from advpipe.stages.investigate.evidence_topics import find_evidence
 from advpipe.stages.investigate.registry import CUES
 from advpipe.stages.investigate.situation import PriorKnowledge, read_situations
 
 VEHICLE = "ego"
-FROM_S, TO_S = 5.0, 12.0
-LIDAR = "sensors.lidars={lidar: {channels: 32, points_per_second: 288000}}"
+LIDAR = "sensors.lidars={lidar: {channels: 32, points_per_second: 144000}}"
+EARLIEST_S, LATEST_S = 4.0, 8.0
+"""A lie begins between these times, elsewhere in each bag."""
+LIE_S, CLOUD_LIE_S = 6.0, 2.0
+"""How long it lasts; that of a LiDAR is shorter, as it takes a second of work for each cloud (half a second
+with recipes that search)."""
 
-V2X = (
+V2X = tuple(name for name in V2X_ATTACKS if name.startswith("cam-"))
+GNSS_WORDS = tuple(GNSS_ATTACKS)
+LIDAR_WORDS = ("detach", "perturb", "attach")
+ATTACKS = (*V2X, *GNSS_WORDS, *LIDAR_WORDS)
+PERCEPTION = tuple(name for name in V2X_ATTACKS if not name.startswith("cam-"))
+"""Attacks on CPMs and DENMs, in drives of their own."""
+SEARCHED = tuple(f"{word}:{recipe}" for word in ("attach", "detach") for recipe in ("best", "stealthy"))
+"""LiDAR attacks that search with the shipped detector, of which each cloud takes many seconds."""
+
+COORDINATED = 12
+"""Drives with three attacks at once."""
+TOGETHER = (
     *("cam-position-offset", "cam-position-constant", "cam-position-random-offset", "cam-speed-offset"),
     *("cam-heading-reversed", "cam-sudden-stop", "cam-replay", "cam-masquerade", "cam-dos"),
     *("cam-dos-random-sybil", "cam-sybil-grid", "cam-sybil-congestion", "cam-ghost-stop", "cam-ghost-brake"),
 )
-GNSS_WORDS = (
-    *("gnss-bias", "gnss-relocate", "gnss-drift", "gnss-drift-aware", "gnss-jump", "gnss-walk"),
-    *("gnss-replay", "gnss-freeze"),
-)
-LIDAR_WORDS = ("detach", "perturb", "attach")
-ATTACKS = (*V2X, *GNSS_WORDS, *LIDAR_WORDS)
-
-MORE = (
-    *("cam-position-random", "cam-position-mirrored", "cam-speed-constant", "cam-speed-random"),
-    *("cam-speed-random-offset", "cam-speed-frozen", "cam-heading-rotating", "cam-acceleration"),
-    *("cam-feigned-braking", "cam-dimensions", "cam-out-of-range", "cam-eventual-stop", "cam-mix"),
-    *("cam-disruptive-replay", "cam-stale", "cam-delay", "cam-drop", "cam-dos-random", "cam-dos-disruptive"),
-    *("cam-dos-disruptive-sybil", "cam-sybil-replay", "gnss-jam"),
-)
-"""Attacks that nothing is tuned on; the evaluation covers them, too."""
+"""Attacks on CAMs that a coordinated drive combines with one on the GNSS and one on the LiDAR."""
 
 
 class InvestigatedSite(NamedTuple):
@@ -63,7 +67,7 @@ def _site(name: str, scenario: str, seed: int, *more: str, duration_s: float = 1
         name,
         scenario,
         (
-            *("attacks={}", LIDAR, "vehicles={ego: {}, other: {}}"),
+            *("attacks={}", LIDAR, "vehicles={ego: {}}", "traffic.pedestrians=15"),
             *(f"simulation.seed={seed}", f"simulation.duration_s={duration_s}", *more),
         ),
     )
@@ -74,20 +78,27 @@ def _generated(kind: str, size: int, block_m: float, lanes: int) -> tuple[str, s
     return "map.sumo_net=null", f"map.generator={network}"
 
 
-GRID, SPIDER = _generated("grid", 4, 180, 2), _generated("spider", 6, 160, 2)
+GRID, SPIDER = _generated("grid", 3, 210, 2), _generated("spider", 4, 150, 2)
+CARS, FEWER_CARS = "traffic.vehicles=80", "traffic.vehicles=50"
+MESSAGES = ("traffic.vehicles=40", "v2x.cpm={}", "v2x.denm={}")
 
 TUNING = (
-    _site("d711", "coordinated", 711, "traffic.vehicles=110"),
-    _site("d712", "district", 712),
-    _site("d713", "boulevard", 713, "traffic.vehicles=60", duration_s=40),
+    _site("d711", "boulevard", 711, CARS),
+    _site("d712", "district", 712, CARS),
 )
-"""The boulevard and a random network."""
+"""The boulevard and a random network; each attack is made on one of them."""
+TUNING_PERCEPTION = (_site("d731", "boulevard", 731, *MESSAGES, duration_s=14),)
+TUNING_CLEAN = (
+    _site("d721", "boulevard", 721, "traffic.vehicles=60", duration_s=60),
+    _site("d722", "district", 722, "traffic.vehicles=60", duration_s=60),
+)
 
 TESTS = (
-    _site("t811", "boulevard", 811, *GRID, "traffic.vehicles=110"),
-    _site("t812", "boulevard", 812, *SPIDER, "traffic.vehicles=110"),
+    _site("t811", "boulevard", 811, *GRID, FEWER_CARS),
+    _site("t812", "boulevard", 812, *SPIDER, FEWER_CARS),
 )
-"""A grid and a spider's web, on which nothing was tuned."""
+"""A grid and a spider's web. Nothing was tuned on them, nor the checks of CAMs (`misbehaviour_drives.py`)."""
+TEST_PERCEPTION = (_site("t831", "boulevard", 831, *GRID, *MESSAGES, duration_s=14),)
 
 
 def coordinated_sites(count: int) -> list[tuple[InvestigatedSite, tuple[str, ...]]]:
@@ -95,64 +106,102 @@ def coordinated_sites(count: int) -> list[tuple[InvestigatedSite, tuple[str, ...
     pairs = []
     for number in range(count):
         network = (GRID, SPIDER)[number % 2]
-        site = _site(f"c{number:02d}", "boulevard", 900 + number, *network, "traffic.vehicles=110")
-        words = V2X[(5 * number + 11) % len(V2X)], GNSS_WORDS[number % len(GNSS_WORDS)]
+        site = _site(f"c{number:02d}", "boulevard", 900 + number, *network, FEWER_CARS)
+        words = TOGETHER[(5 * number + 11) % len(TOGETHER)], GNSS_WORDS[number % len(GNSS_WORDS)]
         pairs.append((site, (*words, LIDAR_WORDS[number % 3])))
     return pairs
 
 
 def clean_sites(whole_s: float) -> list[InvestigatedSite]:
-    """Clean drives of 300 s on both test maps, as many as make the whole time."""
+    """Clean drives of 150 s on both test maps, as many as make the whole time."""
     return [
         _site(
             *(f"h{number:02d}", "boulevard", 1000 + number, *(GRID, SPIDER)[number % 2]),
-            "traffic.vehicles=60",
-            duration_s=min(300.0, whole_s - start_s),
+            FEWER_CARS,
+            duration_s=min(150.0, whole_s - start_s),
         )
-        for number, start_s in enumerate(range(0, int(whole_s), 300))
+        for number, start_s in enumerate(range(0, int(whole_s), 150))
     ]
 
 
-def recorded(folder: Path, site: InvestigatedSite) -> Path:
-    """The clean bag of a site, recorded if it is not there."""
-    if not (folder / site.name / "clean" / "metadata.yaml").exists():
-        print(f"recording {site.name} ...", flush=True)
-        advpipe.simulate(site.scenario, settings=list(site.settings), out=folder / site.name, overwrite=True)
-    return folder / site.name / "clean"
+@dataclass(frozen=True)
+class DriveFolder:
+    """Where the bags are. makes: whether those that are not there are made, or left out."""
 
+    path: Path
+    makes: bool = True
 
-def attacked(folder: Path, site: InvestigatedSite, words: Sequence[str]) -> Iterator[Path]:
-    """Yield the bags of a site with one attack each, made if they are not there."""
-    clean = recorded(folder, site)
-    for word in words:
-        out = folder / site.name / word
-        if not (out / "metadata.yaml").exists():
-            _attack(clean, out, word)
-        yield out
+    def clean(self, site: InvestigatedSite) -> Iterator[Path]:
+        """Yield the clean bag of a site."""
+        out = self.path / site.name
+        if not (out / "clean" / "metadata.yaml").exists() and self.makes:
+            print(f"recording {site.name} ...", flush=True)
+            advpipe.simulate(site.scenario, settings=list(site.settings), out=out, overwrite=True)
+        if (out / "clean" / "metadata.yaml").exists():
+            yield out / "clean"
 
+    def attacked(self, site: InvestigatedSite, *words: str) -> Iterator[Path]:
+        """Yield the bag of a site in which these attacks lie in the same seconds."""
+        for clean in self.clean(site):
+            out = self.path / site.name / "+".join(words).replace(":", "-")
+            if not (out / "metadata.yaml").exists() and self.makes:
+                _attack(clean, out, *words)
+            if (out / "metadata.yaml").exists():
+                yield out
 
-def together(folder: Path, site: InvestigatedSite, words: Sequence[str]) -> Path:
-    """The bag of a site in which attacks of three families lie in the same seconds."""
-    clean, out = recorded(folder, site), folder / site.name / "+".join(words)
-    if not (out / "metadata.yaml").exists():
-        _attack(clean, out, *words)
-    return out
+    def tuning(self) -> Iterator[Path]:
+        """Yield the bags that limits and weights are fitted to."""
+        for number, site in enumerate(TUNING):
+            yield from self.clean(site)
+            for at, word in enumerate(ATTACKS):
+                if (at % 3 == 0) == (number == 1):
+                    yield from self.attacked(site, word)
+        for site in TUNING_PERCEPTION:
+            yield from self.clean(site)
+            for word in PERCEPTION:
+                yield from self.attacked(site, word)
+        for site in TUNING_CLEAN:
+            yield from self.clean(site)
+
+    def tests(self) -> Iterator[tuple[str, Path]]:
+        """Yield the attack and the bag of each drive with one attack."""
+        for sites, words in ((TESTS, ATTACKS), (TEST_PERCEPTION, PERCEPTION), (TESTS[:1], SEARCHED)):
+            for site in sites:
+                for word in words:
+                    for bag in self.attacked(site, word):
+                        yield word, bag
+
+    def coordinated(self, count: int) -> Iterator[Path]:
+        """Yield the bags with three attacks at once."""
+        for site, words in coordinated_sites(count):
+            yield from self.attacked(site, *words)
+
+    def clean_drives(self, whole_s: float) -> Iterator[Path]:
+        """Yield the clean drives on the test maps."""
+        for site in (*TESTS, *TEST_PERCEPTION, *(site for site, _ in coordinated_sites(COORDINATED))):
+            yield from self.clean(site)
+        for site in clean_sites(whole_s):
+            yield from self.clean(site)
 
 
 def _attack(clean: Path, out: Path, *words: str) -> None:
     print(f"attacking {out} ...", flush=True)
-    attack(clean, out, AttackRequest(tuple(map(_spec, words))), overwrite=True, workers=1)
+    start_s = EARLIEST_S + (LATEST_S - EARLIEST_S) * (crc32(out.name.encode()) % 100) / 100
+    specs = tuple(_spec(word, start_s) for word in words)
+    attack(clean, out, AttackRequest(specs), overwrite=True, workers=1)
 
 
-def _spec(word: str) -> AttackSpec:
-    of_lidar = {"recipe": "random-near", "frames": "::2"} if word in LIDAR_WORDS else {}
+def _spec(word: str, start_s: float) -> AttackSpec:
+    name, _, recipe = word.partition(":")
+    is_of_clouds = name in LIDAR_WORDS
+    lasts_s = LIE_S if not is_of_clouds else 0.5 if recipe else CLOUD_LIE_S
     return attack_spec(
         {
-            "type": word,
-            "parameters": default_budget(word),
-            "schedule": {"from_s": FROM_S, "to_s": TO_S},
+            "type": name,
+            "parameters": default_budget(name),
+            "schedule": {"from_s": start_s, "to_s": start_s + lasts_s},
             "victim": VEHICLE,
-            **of_lidar,
+            **({"recipe": recipe or "random-near"} if is_of_clouds else {}),
         }
     )
 
@@ -168,13 +217,17 @@ class TrueLie:
 
 
 def true_lies(bag: Path) -> list[TrueLie]:
-    """All lies that reach the vehicle, by the labels of a bag."""
+    """All lies that reach the vehicle, by the labels of a bag; kept beside it."""
+    cache = bag / "investigate-lies.pickle"
+    if cache.exists():
+        return pickle.loads(cache.read_bytes())
     found: dict[Suspect, TrueLie] = {}
     for suspect, word, time_ns in _false_times(bag):
         known = found.get(suspect, TrueLie(suspect, word, time_ns, time_ns))
         found[suspect] = TrueLie(
             suspect, known.attack, min(known.start_ns, time_ns), max(known.end_ns, time_ns)
         )
+    cache.write_bytes(pickle.dumps(list(found.values())))
     return list(found.values())
 
 
@@ -182,8 +235,9 @@ def _false_times(bag: Path) -> Iterator[tuple[Suspect, str, int]]:
     """Each false thing that the vehicle received or measured: by whom, the attack and the time."""
     labels = {label.number: label for label in read_labels(bag) if label.is_false}
     reader = BagReader(bag)
-    for kind in MESSAGE_TYPES.values() if labels else ():
-        for one in recorded_receptions(reader, VEHICLE, kind=kind):
+    kinds = {label.attack.partition("-")[0] for label in labels.values()} & MESSAGE_TYPES.keys()
+    for name in sorted(kinds):
+        for one in recorded_receptions(reader, VEHICLE, kind=MESSAGE_TYPES[name]):
             if one.number in labels and one.payload is not None:
                 number = claimed_station_id(one.payload)
                 yield station(-1 if number is None else number), labels[one.number].attack, one.arrival_ns

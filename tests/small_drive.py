@@ -36,12 +36,15 @@ MOUNT = se3(np.eye(3), [0.0, 0.0, LIDAR_HEIGHT_M])
 
 @dataclass(frozen=True)
 class Lies:
-    """What is false in a drive, from `from_s` on. jump_m: of the fixes, to the north."""
+    """What is false in a drive, from `from_s` on. jump_m: of the fixes, to the north. removed: of the points
+    of each cloud, one in so many. hidden: the leader does not return."""
 
     from_s: float = 3.0
     ghost: bool = False
     jump_m: float = 0.0
     off_ray_m: float = 0.0
+    removed: int = 0
+    hidden: bool = False
 
 
 HONEST = Lies()
@@ -146,7 +149,9 @@ def _write_step(bag: BagWriter, number: int, lies: Lies, only: frozenset[str]) -
             )
             bag.write_cdr(EGO.reception_info, power_cdr(stamp_ns, -60.0), stamp_ns)
     if "cloud" in only:
-        cloud = cast()
+        cloud = cast(leader_ahead_m=500.0) if lies.hidden and is_false else cast()
+        if lies.removed and is_false:
+            cloud = np.delete(cloud, slice(number % 7, None, lies.removed))
         if lies.off_ray_m and is_false:
             cloud["z"][::100] += np.float32(lies.off_ray_m)
         bag.write_cdr(EGO.lidar_points, cloud_to_cdr(cloud, now_ns, EGO.lidar_frame), now_ns + 5_000_000)

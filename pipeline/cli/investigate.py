@@ -18,6 +18,15 @@ def investigate_command(
         str | None,
         typer.Option("--vehicle", help="Whose sensors and messages.", show_default="ego, or the only one"),
     ] = None,
+    pseudonyms: Annotated[
+        float | None,
+        typer.Option(
+            "--pseudonyms",
+            metavar="SECONDS",
+            help="Stations change their ids here, after silences of up to so long (0: none); follow them.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Also write a page (.html).", show_default=False)
     ] = None,
@@ -30,7 +39,7 @@ def investigate_command(
     """
     from advpipe.commands.investigate import investigate
 
-    found = investigate(bag, vehicle=vehicle, page=out, overwrite=overwrite)
+    found = investigate(bag, vehicle=vehicle, silence_s=pseudonyms, page=out, overwrite=overwrite)
 
     def show() -> None:
         for one in found.suspects:

@@ -48,6 +48,10 @@ class PseudonymLinks:
         """The claims, each with the station id under which the receiver knows its station."""
         return [self._linked(claim) for claim in claims]
 
+    def known_as(self, station_id: int) -> int:
+        """The first id of a station that was heard under this one."""
+        return self._first.get(station_id, station_id)
+
     def _linked(self, claim: Claim) -> Claim:
         if not claim.is_cam or not math.isfinite(claim.x_m + claim.yaw_rad):
             return claim

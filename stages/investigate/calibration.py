@@ -29,7 +29,8 @@ class CueCalibration:
 @dataclass(frozen=True)
 class Calibration:
     """cues: by name. intercept: the log odds without any evidence. alarm_probability: from which somebody is
-    named. half_life_s: in which evidence fades. most, least: bounds of what one reading adds to a score."""
+    named. half_life_s: in which evidence fades. most, least: bounds of what one reading adds to a score.
+    drives: the names of the drives that it was tuned on, as `benchmarks/investigate_drives.py` has them."""
 
     cues: Mapping[str, CueCalibration]
     intercept: float
@@ -38,6 +39,7 @@ class Calibration:
     most: float = 1.5
     least: float = 0.25
     ceiling: float = 8.0
+    drives: tuple[str, ...] = ()
 
     def step(self, cue: str, value: float) -> float:
         """What a reading adds to the score of its cue: the logarithm of its ratio to the limit, sharpened and
@@ -58,13 +60,18 @@ class Calibration:
 
     def to_plain(self) -> dict[str, Any]:
         """For JSON."""
-        return {**vars(self), "cues": {name: vars(one) for name, one in self.cues.items()}}
+        cues = {name: vars(one) for name, one in self.cues.items()}
+        return {**vars(self), "cues": cues, "drives": list(self.drives)}
+
+    def text(self) -> str:
+        """The whole file."""
+        return json.dumps(self.to_plain(), indent=1) + "\n"
 
     @classmethod
     def of_plain(cls, plain: Mapping[str, Any]) -> Calibration:
         """The inverse of `to_plain`."""
         cues = {name: CueCalibration(**one) for name, one in plain["cues"].items()}
-        return cls(**{**plain, "cues": cues})
+        return cls(**{**plain, "cues": cues, "drives": tuple(plain["drives"])})
 
 
 @cache

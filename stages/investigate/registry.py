@@ -15,6 +15,8 @@ from advpipe.stages.investigate.cues.gnss_motion import GnssMotionCue
 from advpipe.stages.investigate.cues.lidar_density import LidarDensityCue
 from advpipe.stages.investigate.cues.lidar_order import LidarOrderCue
 from advpipe.stages.investigate.cues.lidar_rays import LidarRaysCue
+from advpipe.stages.investigate.cues.lidar_temporal import LidarTemporalCue
+from advpipe.stages.investigate.cues.lidar_tracks import LidarTracksCue
 from advpipe.stages.investigate.cues.power_distance import PowerDistanceCue
 
 CUES: Mapping[str, type[Cue]] = {
@@ -29,4 +31,6 @@ CUES: Mapping[str, type[Cue]] = {
     "lidar-rays": LidarRaysCue,
     "lidar-order": LidarOrderCue,
     "lidar-density": LidarDensityCue,
+    "lidar-temporal": LidarTemporalCue,
+    "lidar-tracks": LidarTracksCue,
 }

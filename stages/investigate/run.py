@@ -32,29 +32,38 @@ RELYING = frozenset(name for name, cue in CUES.items() if cue.relies_on_own_plac
 
 
 def investigate(
-    path: Path, *, vehicle: str | None = None, calibration: Calibration | None = None
+    path: Path,
+    *,
+    vehicle: str | None = None,
+    calibration: Calibration | None = None,
+    silence_s: float | None = None,
 ) -> Investigation:
     """Who lied in a bag: each sensor and station with a probability, when it began, and the evidence.
 
     One pass over the allowed topics (`evidence_topics.py`), of which memory holds a tenth of a second.
     vehicle: whose evidence it is; `ego` or the only one without it. calibration: instead of the shipped one.
+    silence_s: where stations change their pseudonyms, how long they fall silent at most before; a new id that
+    continues a known station's way is then taken for it.
     Raises AdvpipeError for a bag that cannot be read, and UsageError for one with nothing to judge.
     """
     reader = BagReader(resolve_bag(path))
     topics = find_evidence(reader, vehicle)
     chosen = calibration or shipped_calibration()
     suspicion = CumulativeSuspicion(chosen, RELYING)
-    readings, span_ns = judge_drive(reader, topics, suspicion)
+    readings, span_ns = judge_drive(reader, topics, suspicion, silence_s)
     if not sum(readings.values()):
         raise UsageError(f"{reader.path} has nothing to judge: no cue found two things to compare")
     return _answer(topics, chosen, suspicion, readings, span_ns)
 
 
 def judge_drive(
-    reader: BagReader, topics: EvidenceTopics, suspicion: CumulativeSuspicion
+    reader: BagReader,
+    topics: EvidenceTopics,
+    suspicion: CumulativeSuspicion,
+    silence_s: float | None = None,
 ) -> tuple[Counter[str], tuple[int, int]]:
     """Let all cues judge a bag; returns how many readings each gave, and when the drive began and ended."""
-    background = PriorKnowledge.of(reader, topics)
+    background = PriorKnowledge.of(reader, topics, silence_s)
     present = {name: cue(background) for name, cue in CUES.items() if all(map(topics.has, cue.needs))}
     counts: Counter[str] = Counter()
     first_ns = last_ns = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.localisation.measurements import InitialPose
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle, claims_of_cams
+from advpipe.pipeline.misbehaviour.pseudonym_links import PseudonymLinks
 from advpipe.pipeline.misbehaviour.roads import NO_ROADS, RoadMap
 from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.v2x.codec.btp import parse_btp_packet
@@ -95,14 +96,17 @@ class Situation:
 
 @dataclass(frozen=True)
 class PriorKnowledge:
-    """What the vehicle knew before it set out. initial: None where the bag does not say where it started."""
+    """What the vehicle knew before it set out. initial: None where the bag does not say where it started.
+    silence_s: how long stations fall silent at most before they change their pseudonym; None where they keep
+    their ids."""
 
     geodesy: Geodesy | None
     roads: RoadMap
     initial: InitialPose | None
+    silence_s: float | None = None
 
     @classmethod
-    def of(cls, reader: BagReader, topics: EvidenceTopics) -> PriorKnowledge:
+    def of(cls, reader: BagReader, topics: EvidenceTopics, silence_s: float | None = None) -> PriorKnowledge:
         """That of a bag. Raises AdvpipeError for damaged topics."""
         has_lanes = topics.has(EvidenceKind.LANES)
         has_initial = topics.has(EvidenceKind.INITIAL_POSE)
@@ -110,6 +114,7 @@ class PriorKnowledge:
             anchored_geodesy(reader, topics),
             (roads_of_bag(reader) if has_lanes else None) or NO_ROADS,
             read_initial_pose(reader, VehicleTopics(topics.vehicle)) if has_initial else None,
+            silence_s,
         )
 
 
@@ -157,6 +162,7 @@ class _Decoder:
     def __init__(self, known: PriorKnowledge) -> None:
         self.geodesy, self._roads = known.geodesy, known.roads
         self._newest: dict[int, Claim] = {}
+        self._links = None if known.silence_s is None else PseudonymLinks(known.silence_s)
 
     def decoded(self, packets: list[ObservedPacket]) -> tuple[list[HeardClaim], list[HeardObject]]:
         """The claims of CAMs, and of bytes that pose as one, and the objects of CPMs."""
@@ -175,11 +181,13 @@ class _Decoder:
             return [], objects
         arrivals_ns = [packet.arrival_ns for packet, _, _ in cams]
         claims = claims_of_cams([cam for _, _, cam in cams], arrivals_ns, self.geodesy, self._roads)
+        if self._links is not None:
+            claims = self._links.linked(claims)
         for claim in claims:
             if claim.is_cam and np.isfinite(claim.x_m + claim.yaw_rad + claim.speed_mps):
                 self._newest[claim.station_id] = claim
         heard = [
-            HeardClaim(station_id, claim, packet.power_dbm)
+            HeardClaim(self._known_as(station_id), claim, packet.power_dbm)
             for (packet, station_id, _), claim in zip(cams, claims, strict=True)
         ]
         return heard, objects
@@ -201,9 +209,14 @@ class _Decoder:
         if self.geodesy is None:
             return []
         try:
-            return heard_objects(decode_cpm(payload), self.geodesy, arrival_ns) or []
+            found = heard_objects(decode_cpm(payload), self.geodesy, arrival_ns) or []
         except MessageError:
             return []
+        return [replace(one, station_id=self._known_as(one.station_id)) for one in found]
+
+    def _known_as(self, station_id: int) -> int:
+        """The first id of a station; this one where they keep theirs."""
+        return station_id if self._links is None else self._links.known_as(station_id)
 
 
 def _payload(data: bytes) -> tuple[object, bytes]:

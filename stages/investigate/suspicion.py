@@ -22,7 +22,7 @@ QUIET = 0.3
 """An episode ends when the probability has fallen below this share of the alarm's."""
 
 NOTABLE = 0.2
-"""A cue whose share of the evidence is smaller does not say when it began."""
+"""A cue whose share of the evidence is smaller does not say when it began, unless all are."""
 
 
 @dataclass
@@ -133,7 +133,9 @@ class CumulativeSuspicion:
             self.unnamed += 1
             return
         shares = self._shares(faded)
-        start_ns = min(record.scores[cue].onset_ns for cue, share in shares.items() if share >= NOTABLE)
+        notable = min(NOTABLE, max(shares.values(), default=0.0))
+        onsets_ns = (record.scores[cue].onset_ns for cue, share in shares.items() if share >= notable)
+        start_ns = min(onsets_ns, default=now_ns)
         if record.episodes:
             start_ns = max(start_ns, record.episodes[-1].end_ns)
         record.is_lying = True

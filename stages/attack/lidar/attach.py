@@ -65,6 +65,7 @@ from advpipe.stages.attack.lidar.base import (
     search_note,
     unchanged,
 )
+from advpipe.stages.attack.lidar.copied_intensities import copied_intensities
 from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
 from advpipe.stages.attack.lidar.robust_attach import RobustAttachProblem
 from advpipe.stages.attack.lidar.stealthy import (
@@ -123,8 +124,8 @@ class Attach(LidarAttack):
         and search random places (`subset_search`) at the objects that are detected in the clean cloud.
         "paper" shifts copies of the most salient points (`attach_paper`). Random baselines: "random" in balls
         around any points, "random-near" around those near objects, "random-best" likewise with the selection
-        of "best": what reports compare the attack with. New points copy the intensity of the point that they
-        start from.
+        of "best": what reports compare the attack with. New points have the intensity of the point that they
+        start from, or nearly, where a sensor never states the same twice.
     rounds: how often "best", "hide" and "stealthy" rank the places.
     queries: how many detections the black-box recipes ask for.
     weight: lambda of the paper's dual loss (loss units per square metre); the paper gives no value.
@@ -249,6 +250,8 @@ class Attach(LidarAttack):
             points = on_grid_of(scene, clean[places.source], points)
         for column, name in enumerate(("x", "y", "z", "intensity")):
             added[name] = points[:, column]
+        if not self.constraints.intensity:
+            added["intensity"] = copied_intensities(scene["intensity"], places.source)
         added = as_measured(scene, added, scan_order_of(scene))
         adversarial = joined_clouds(cloud, added)
         loss_after, _ = look(detector, np.concatenate([clean, xyzi(added)]), goal.reported_targets)

@@ -41,7 +41,7 @@ class CamSurroundingsCue(Cue):
             if not claim.is_cam or claim.x_m != claim.x_m:
                 continue
             value, words = self._overlap(claim, situation)
-            if is_settled and claim.station_id not in self._counts:
+            if is_settled and claim.station_id not in self._counts and not claim.may_be_known:
                 near_m = appearance_m(claim, situation.receiver, self._config.earshot_m)
                 ratio = near_m / THRESHOLDS["appearance"]
                 if ratio > value:

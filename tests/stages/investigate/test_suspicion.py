@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
 
 import pytest
 
-from advpipe.stages.investigate.calibration import Calibration, CueCalibration, shipped_calibration
+from advpipe.stages.investigate.calibration import FILE, Calibration, CueCalibration, shipped_calibration
 from advpipe.stages.investigate.cue import GNSS, CueReading, station
 from advpipe.stages.investigate.registry import CUES
 from advpipe.stages.investigate.suspicion import FORGET_S, CumulativeSuspicion
@@ -37,6 +38,16 @@ def test_the_alarm_comes_when_the_evidence_outweighs_the_prior() -> None:
     assert (episode.start_ns, episode.alarm_ns) == (2_000_000_000, 2_500_000_000)
     assert episode.probability == pytest.approx(0.5, abs=1e-3)
     assert episode.cue_share == {"a": 1.0}
+
+
+def test_of_many_cues_none_of_which_says_much_the_first_says_when_it_began() -> None:
+    names = [f"cue {number}" for number in range(8)]
+    calibration = Calibration({name: CueCalibration(1.0, 1.0) for name in names}, -10.0)
+    suspicion = CumulativeSuspicion(calibration)
+    for number, name in enumerate(names):
+        suspicion.add(name, reading(1.0 + number / 100, 100.0))
+    ((_, record),), _ = suspicion.named()
+    assert record.episodes[0].start_ns == 1_000_000_000
 
 
 def test_evidence_fades_and_an_episode_ends() -> None:
@@ -79,3 +90,12 @@ def test_the_shipped_calibration_knows_every_cue() -> None:
     assert Calibration.of_plain(shipped.to_plain()) == shipped
     assert shipped.without("free-space").cues["free-space"].weight == 0.0
     assert shipped.probability({}) < shipped.alarm_probability
+
+
+def test_the_shipped_calibration_is_the_file_that_the_benchmark_writes() -> None:
+    """Byte by byte, so that no number in it was set by hand since; and every limit has its least."""
+    path = files("advpipe.stages.investigate").joinpath(FILE)
+    shipped = shipped_calibration()
+    assert path.read_text(encoding="utf-8") == shipped.text()
+    assert shipped.drives
+    assert all(one.limit > 0 and one.weight >= 0 and 1 <= one.sharpness <= 4 for one in shipped.cues.values())
