@@ -12,8 +12,9 @@ from advpipe.pipeline.attack_detection.clusters import density_clusters
 
 Float64 = npt.NDArray[np.float64]
 
-REACH_M, LEAST_POINTS = 0.2, 15
-"""Of a cluster, as a public implementation of Shadow-Catcher has them."""
+REACH_M, LEAST_POINTS, AT_M = 0.2, 15, 8.0
+"""Of a cluster in a shadow that begins at this distance, behind an object right ahead; farther away, rays lie
+farther apart, and the reach grows with the distance."""
 
 RIDGE = 1e-3
 """Added to the variance of each feature, so that it has an inverse."""
@@ -22,7 +23,8 @@ RIDGE = 1e-3
 def shadow_features(points: Float64) -> Float64:
     """What tells shadows apart: the number of clusters of the returns (N, 3) in one, and how many returns a
     cluster has on average; both as ln(1 + value), (2,)."""
-    labels = density_clusters(points, REACH_M, LEAST_POINTS)
+    first_m = float(np.hypot(points[:, 0], points[:, 1]).min(initial=np.inf))
+    labels = density_clusters(points, REACH_M * first_m / AT_M, LEAST_POINTS)
     clusters, members = int(labels.max(initial=-1)) + 1, int((labels >= 0).sum())
     features: Float64 = np.log1p(np.array([clusters, members / max(clusters, 1)]))
     return features

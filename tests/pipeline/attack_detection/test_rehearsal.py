@@ -35,10 +35,14 @@ def test_values_fill_the_cube():
 
 
 def test_features_of_two_clusters():
-    """Of 20 and 40 points; one more lies apart."""
-    points = np.array([[0.0, 0, 0]] * 20 + [[5, 0, 0]] * 40 + [[9, 0, 0]])
+    """Of 20 and 40 points, the second in a row of 0.19 m steps; one more lies apart. Twice as far, the same
+    rays make the same clusters."""
+    row = np.column_stack([np.full(40, 13.0), np.repeat(np.arange(4), 10) * 0.19, np.zeros(40)])
+    points = np.concatenate([[[8.0, 0, 0]] * 20, row, [[17, 0, 0]]])
     assert np.expm1(shadow_features(points)) == pytest.approx([2, 30])
+    assert (shadow_features(2 * points) == shadow_features(points)).all()
     assert np.expm1(shadow_features(points[:3])) == pytest.approx([0, 0])
+    assert np.expm1(shadow_features(points[:0])) == pytest.approx([0, 0])
 
 
 def test_the_discriminant_lies_half_way():
