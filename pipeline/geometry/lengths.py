@@ -12,4 +12,5 @@ def lengths(vectors: npt.NDArray[np.floating[Any]]) -> npt.NDArray[Any]:
     """The length (N,) of vectors (N, 3): that of `numpy.linalg.norm(axis=1)` to the last bit, in a sixth of
     the time."""
     x, y, z = vectors[:, 0], vectors[:, 1], vectors[:, 2]
-    return np.sqrt(x * x + y * y + z * z)
+    found: npt.NDArray[Any] = np.sqrt(x * x + y * y + z * z)
+    return found

@@ -31,6 +31,9 @@ POINT_COLUMNS: Columns = {
 """Of `labels.parquet`: frame and point are counted in the clean bag's topic; see `PointLabels`. attacked: the
 index in the adversarial cloud, -1 for a removed point; tables of older versions lack it."""
 
+REPEATED = ["topic", "frame", "stamp_ns", "action"]
+"""Columns of few values each. A dictionary of the others would hold each row, and take most of the time."""
+
 FRAME_COLUMNS: Columns = {
     "topic": "string",
     "frame": "int32",
@@ -77,7 +80,7 @@ class PointTables:
 
         pa.array(np.zeros(0))  # loads pandas where it is installed: some seconds, not at the first frame
         self._points, self._frames = arrow_schema(POINT_COLUMNS), arrow_schema(FRAME_COLUMNS)
-        self._points_writer = pq.ParquetWriter(str(folder / POINTS), self._points)
+        self._points_writer = pq.ParquetWriter(str(folder / POINTS), self._points, use_dictionary=REPEATED)
         self._frames_writer = pq.ParquetWriter(str(folder / FRAMES), self._frames)
         self._rows: list[dict[str, object]] = []
         self._waiting: list[Any] = []
