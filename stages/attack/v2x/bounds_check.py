@@ -11,7 +11,7 @@ import numpy as np
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES, MessageChange
-from advpipe.pipeline.labels.quantity import excesses
+from advpipe.pipeline.labels.quantity import Range, excesses
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.scenario.attacks import NS_PER_S
 from advpipe.pipeline.v2x.channel import Sent
@@ -42,15 +42,14 @@ class BoundsCheck:
     def __init__(self, geodesy: Geodesy, declared: Mapping[int, Declaration]) -> None:
         self._geodesy, self._declared = geodesy, declared
         self._added_ns: dict[tuple[int, int], deque[int]] = {}
-        self._noted: list[tuple[Touched, Declaration]] = []
+        self._noted: list[tuple[Touched, Mapping[str, Range]]] = []
 
     def note(self, touched: Touched) -> None:
         """Note a message that is to be checked, if its attack declares bounds."""
-        declared = self._declared.get(touched.editor_index)
-        if declared is not None and touched.part:
-            declared = declared.part(touched.part)
+        whole = self._declared.get(touched.editor_index)
+        declared = whole.part(touched.part) if whole is not None and touched.part else whole
         if declared is not None and declared.bounds:
-            self._noted.append((touched, declared))
+            self._noted.append((touched, declared.bounds))
 
     def refuse_beyond(self) -> None:
         """Raise AdvpipeError if a noted message was changed beyond its attack's bounds; forget them all."""
@@ -60,8 +59,8 @@ class BoundsCheck:
         before_m = places_m(self._geodesy, [each.before for each, _ in noted])
         after_m = places_m(self._geodesy, [each.after for each, _ in noted])
         moved_m = np.hypot(*(after_m - before_m)).tolist()
-        for (touched, declared), distance_m in zip(noted, moved_m, strict=True):
-            for excess in excesses(self._change(touched, distance_m), declared.bounds, MESSAGE_QUANTITIES):
+        for (touched, bounds), distance_m in zip(noted, moved_m, strict=True):
+            for excess in excesses(self._change(touched, distance_m), bounds, MESSAGE_QUANTITIES):
                 raise AdvpipeError(f"{touched.part or touched.attack} went beyond its bounds: {excess}")
 
     def _change(self, touched: Touched, moved_m: float) -> MessageChange:
