@@ -25,7 +25,7 @@ import numpy as np
 from common import finish, machine
 from investigate_drives import COORDINATED, CuedReading, DriveFolder, TrueLie, cued_readings, true_lies
 from investigate_outcome import BagOutcome, culprits, outcome
-from investigate_tuning import tuned
+from investigate_tuning import MOST_LIARS, tuned
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.stages.investigate import calibration as calibrations
@@ -96,28 +96,37 @@ def print_summary(name: str, outcomes: Sequence[BagOutcome]) -> tuple[float, flo
     return share, median
 
 
-def reliability(outcomes: Iterable[BagOutcome]) -> list[tuple[int, float, float]]:
-    """By range of probability: suspects in windows, their mean probability, and the share that truly lied."""
-    pairs = np.array([pair for one in outcomes for pair in one.probabilities], np.float64).reshape(-1, 2)
-    found = []
+def reliability(outcomes: Iterable[BagOutcome]) -> list[tuple[float, float, float]]:
+    """By range of probability: suspects in windows, their mean probability, and the share that truly lied.
+
+    The liars of a bag count as `MOST_LIARS` together, as in the tuning: a flood invents a thousand ids.
+    """
+    pairs, worth = [], []
+    for one in outcomes:
+        liars = sum(lied for _, lied in one.probabilities)
+        pairs += one.probabilities
+        worth += [min(1.0, MOST_LIARS / liars) if lied else 1.0 for _, lied in one.probabilities]
+    value, lied = np.array(pairs, np.float64).reshape(-1, 2).T
+    weight, found = np.array(worth), []
     for low, high in pairwise(PROBABILITIES):
-        part = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < high)]
-        mean, truly = part.mean(axis=0) if len(part) else (np.nan, np.nan)
-        found.append((len(part), float(mean), float(truly)))
+        part = (value >= low) & (value < high)
+        total = float(weight[part].sum())
+        mean, truly = ((weight[part] * of[part]).sum() / total if total else np.nan for of in (value, lied))
+        found.append((total, float(mean), float(truly)))
     return found
 
 
-def print_reliability(rows: Sequence[tuple[int, float, float]]) -> None:
+def print_reliability(rows: Sequence[tuple[float, float, float]]) -> None:
     """How often those to whom a probability was given truly lied, and the expected calibration error."""
     print("probability    suspects    mean   truly")
     for (low, high), (count, mean, truly) in zip(pairwise(PROBABILITIES), rows, strict=True):
-        print(f"{low:.2f} to {min(high, 1):.2f} {count:>9}{mean:>8.3f}{truly:>8.3f}")
+        print(f"{low:.2f} to {min(high, 1):.2f} {count:>9.0f}{mean:>8.3f}{truly:>8.3f}")
     all_of_them = sum(count for count, _, _ in rows)
     error = sum(count * abs(mean - truly) for count, mean, truly in rows if count) / max(all_of_them, 1)
     print(f"expected calibration error: {error:.4f}")
 
 
-def draw_reliability(rows: Sequence[tuple[int, float, float]], path: Path) -> None:
+def draw_reliability(rows: Sequence[tuple[float, float, float]], path: Path) -> None:
     """The reliability diagram."""
     from matplotlib.figure import Figure
 

@@ -27,6 +27,9 @@ RIDGE, PRIOR_WEIGHT = 0.5, 0.7
 """Weights are drawn to the prior: of a cue that no tuning drive needs, a regression knows nothing."""
 FOLDS = 5
 MOST_LIARS = 5
+SURE_SCORE = 0.9
+"""A cue whose score reaches this share of the ceiling names a suspect by itself: few honest ones get a
+quarter of it, and what no tuning drive shows would otherwise never be heard."""
 
 Judged = tuple[Sequence[CuedReading], Sequence[TrueLie]]
 """What the cues read in a bag, and who lies in it."""
@@ -57,11 +60,13 @@ def tuned(bags: Sequence[Judged], least: dict[str, float]) -> Calibration:
     found = units(bags, start)
     weights, intercept = logistic(found.scores, found.lied, found.worth)
     slope, offset = platt(crossvalidated(found), found.lied, found.worth)
+    odds = slope * intercept + offset
+    least_weight = max(-odds, 0.0) / (SURE_SCORE * start.ceiling)
     cues = {
-        name: replace(start.cues[name], weight=round(float(slope * weight), 4))
+        name: replace(start.cues[name], weight=round(max(float(slope * weight), least_weight), 4))
         for name, weight in zip(CUES, weights, strict=True)
     }
-    return replace(start, cues=cues, intercept=round(float(slope * intercept + offset), 4))
+    return replace(start, cues=cues, intercept=round(float(odds), 4))
 
 
 def _limits(

@@ -31,8 +31,8 @@ def surface_holes(image: RangeImage) -> SurfaceHoles:
     """Those of a range image."""
     seen = image.intensity[np.isfinite(image.intensity)]
     bright = BRIGHT * float(np.median(seen)) if len(seen) else 0.0
-    beside = _is_surface(*(_shifted(image, 0, step) for step in (1, -1)), bright)
-    above = _is_surface(*(_shifted(image, step, 0) for step in (1, -1)), bright)
+    beside = _is_surface(_shifted(image, 0, 1), _shifted(image, 0, -1), bright)
+    above = _is_surface(_shifted(image, 1, 0), _shifted(image, -1, 0), bright)
     surface: Bool = beside | above
     return SurfaceHoles(surface, surface & (image.count == 0))
 

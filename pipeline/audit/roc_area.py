@@ -13,12 +13,16 @@ Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 
+FEWEST = 3
+"""Clusters with attacked units, and with clean ones, of which an interval can tell anything."""
+
+
 @dataclass(frozen=True)
 class RocArea:
     """The probability that an attacked unit scores higher than a clean one, ties counting half.
 
-    low, high: the interval; NaN where the area rests on one cluster. attacked, clean, clusters: how many
-    there are.
+    low, high: the interval; NaN where the area rests on fewer than `FEWEST` clusters. attacked, clean,
+    clusters: how many there are.
     """
 
     area: float
@@ -55,7 +59,8 @@ def roc_area(scores: Float64, is_attacked: Bool, cluster: Int64, tests: int = 1)
         each.sum() - each.sum(axis=0) - each.sum(axis=1) + np.diag(each) for each in (wins, pairs)
     )
     count = len(names)
-    if count < 2 or (left_pairs <= 0).any():  # the area rests on one cluster alone
+    fewest = min(len(np.unique(each)) for each in (ours, theirs))
+    if fewest < FEWEST or (left_pairs <= 0).any():  # the area rests on few clusters
         return RocArea(area, math.nan, math.nan, len(attacked), len(clean), len(names))
     pseudo = count * area - (count - 1) * left_wins / left_pairs
     values = np.concatenate([pseudo, [0.0, 1.0]])

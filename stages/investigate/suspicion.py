@@ -133,7 +133,7 @@ class CumulativeSuspicion:
             self.unnamed += 1
             return
         shares = self._shares(faded)
-        notable = min(NOTABLE, max(shares.values(), default=0.0))
+        notable = min(NOTABLE, max(shares.values(), default=0.0) / 2)
         onsets_ns = (record.scores[cue].onset_ns for cue, share in shares.items() if share >= notable)
         start_ns = min(onsets_ns, default=now_ns)
         if record.episodes:

@@ -58,7 +58,13 @@ def test_the_reason(attack: dict[str, object], probe: str, expected: str) -> Non
 def test_debug_topics_change_chunks() -> None:
     assert "debug topics" in reason(OFFSET, "chunk/bytes", has_debug=True)
     assert not reason(OFFSET, "chunk/bytes")
-    assert not reason(OFFSET, "message/bytes", has_debug=True)
+    assert not reason(OFFSET, "message/order", has_debug=True)
+
+
+def test_false_positions_change_the_path_and_so_the_length_of_a_cam() -> None:
+    for probe in ("message/bytes", "station/bytes", "station/bytes-spread", "message/interval-phase"):
+        assert "makes the position of its messages untrue" in reason(OFFSET, probe)
+        assert not reason({"type": "cam-speed-offset", "attackers": {"share": 0.3}}, probe)
 
 
 def test_attacks_of_another_family_and_without_declaration_excuse_nothing() -> None:

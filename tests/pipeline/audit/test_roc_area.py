@@ -62,6 +62,13 @@ def test_one_kind_alone_or_one_cluster_gives_no_interval() -> None:
     assert np.isnan([one.low, one.high]).all()
 
 
+def test_attacked_units_of_two_moments_give_no_interval() -> None:
+    cluster, is_attacked = np.arange(40), np.arange(40) < 2
+    found = roc_area(is_attacked.astype(float), is_attacked, cluster)
+    assert found.area == 1
+    assert np.isnan([found.low, found.high]).all()
+
+
 def test_reversed_scores() -> None:
     draw = np.random.default_rng(8)
     scores, is_attacked, cluster = draw.random(60), draw.random(60) < 0.5, draw.integers(0, 12, 60)

@@ -177,7 +177,7 @@ def test_a_bag_of_received_messages_alone_is_judged(tmp_path: Path) -> None:
 def test_a_new_pseudonym_is_the_station_whose_way_it_continues(
     tmp_path: Path, silence_s: float | None, stations: int
 ) -> None:
-    """A car 20 m ahead changes its id every second; without links, each is a station of its own."""
+    """A car 20 m ahead changes its id every second; without links, each appears from nowhere."""
     with BagWriter(tmp_path / "drive", provenance={}) as bag:
         for number in range(80):
             now_ns, x_m = START_NS + number * STEP_NS, float(number)
@@ -197,7 +197,7 @@ def test_a_new_pseudonym_is_the_station_whose_way_it_continues(
             bag.write_cdr(EGO.received_raw, udp_packet_cdr(now_ns + 1_000_000, one), now_ns + 1_000_000)
     found = investigate(tmp_path / "drive", silence_s=silence_s)
     assert found.watched == stations
-    assert found.suspects == ()
+    assert bool(found.suspects) == (stations > 1)
 
 
 def test_another_tools_clouds_are_judged_by_their_type(tmp_path: Path) -> None:
