@@ -96,13 +96,13 @@ class Study:
         row["attack_s"] = round(time.time() - start_s, 3)
         found = seen.detect(cloud)
         row["objective"] = self._objective(condition, frame, detector, found)
-        views = {UNDEFENDED: matched(truth, found)}
+        views = {UNDEFENDED: matched(truth, found, seen.classes)}
         if condition.is_defended:
             for name, defence in parse_defences(["default"]).items():
                 rng = named_generator(condition.seed, "study", "defence", name, frame.index)
                 defended = defence(cloud, rng)
                 there = seen.detect(defended.cloud, defended.placement)
-                views[name] = matched(truth, there)
+                views[name] = matched(truth, there, seen.classes)
         row["views"] = views
         if condition.is_checked:
             sure = _sure(found)

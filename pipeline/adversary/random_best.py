@@ -13,6 +13,7 @@ import numpy.typing as npt
 from advpipe.pipeline.adversary.addition_problem import AdditionProblem, add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.constraints import Constraints, Rules
+from advpipe.pipeline.adversary.copied_intensities import copied_intensities
 from advpipe.pipeline.adversary.focus import Focus
 from advpipe.pipeline.adversary.goal import AttackGoal, goal_of, known_boxes, owners, with_decoys
 from advpipe.pipeline.adversary.per_object_best import PerObjectBest
@@ -177,4 +178,6 @@ def random_best(
     added = scene[new.source]
     for column, name in enumerate(("x", "y", "z", "intensity")):
         added[name] = new.points[:, column]
+    if not constraints.intensity:
+        added["intensity"] = copied_intensities(scene["intensity"], new.source)
     return np.concatenate([np.delete(changed, removed), added])

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 
 from advpipe.pipeline.mcap.records import InnerMessage, inner_records, parse_message
 
-KEPT_BYTES = 16 << 20
+KEPT_BYTES = 8 << 20
 """Of all decompressed chunks that a process keeps."""
 
 LARGEST_BYTES = 4 << 20

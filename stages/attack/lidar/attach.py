@@ -11,6 +11,7 @@ from advpipe.pipeline.adversary.addition_problem import add_greedily
 from advpipe.pipeline.adversary.attack_objective import AttackObjective
 from advpipe.pipeline.adversary.black_box import as_seen_by, told_by
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, GOALS, TRUTHS, Constraints, Rules
+from advpipe.pipeline.adversary.copied_intensities import copied_intensities
 from advpipe.pipeline.adversary.expectation import EXPECTATIONS
 from advpipe.pipeline.adversary.expected_objective import ExpectedObjective
 from advpipe.pipeline.adversary.goal import goal_of, known_boxes
@@ -65,7 +66,6 @@ from advpipe.stages.attack.lidar.base import (
     search_note,
     unchanged,
 )
-from advpipe.stages.attack.lidar.copied_intensities import copied_intensities
 from advpipe.stages.attack.lidar.loss_problems import LossAdditionProblem
 from advpipe.stages.attack.lidar.robust_attach import RobustAttachProblem
 from advpipe.stages.attack.lidar.stealthy import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.stages.attack.lidar.copied_intensities import copied_intensities
+from advpipe.pipeline.adversary.copied_intensities import copied_intensities
 
 
 def test_they_lie_between_their_sources_and_the_next_one() -> None:
