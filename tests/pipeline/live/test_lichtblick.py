@@ -16,10 +16,13 @@ from urllib.parse import urlencode
 import pytest
 from chromium import needs_browser, running_browser
 
+from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.sample import shipped_sample
 
 FOLDER = os.environ.get("ADVPIPE_LICHTBLICK", "")
-PLAY = [sys.executable, "-m", "advpipe", "play", str(shipped_sample() / "clean")]
+BAG = shipped_sample() / "clean"
+PLAY = [sys.executable, "-m", "advpipe", "play", str(BAG)]
+TOPICS_TAB = "document.querySelector('[data-testid=topics-left]')"
 
 pytestmark = [
     pytest.mark.nightly,
@@ -34,6 +37,7 @@ class QuietHandler(SimpleHTTPRequestHandler):
 
 def test_it_connects_and_lists_the_topics(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
+    topics = set(BagReader(BAG, debug=True).topics)
     pages = ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=FOLDER))
     threading.Thread(target=pages.serve_forever, daemon=True).start()
     player = subprocess.Popen(
@@ -49,9 +53,13 @@ def test_it_connects_and_lists_the_topics(tmp_path: Path) -> None:
             browser.resize(1400, 900)
             url = f"http://127.0.0.1:{pages.server_address[1]}/?{query}"
             browser.call("Page.navigate", url=url)
-            browser.wait("document.body && document.body.innerText.includes('/ego/lidar/points')")
+            # The sidebar opens with the settings of panels; the list of topics is its second tab.
+            browser.wait(f"!!{TOPICS_TAB}")
+            browser.evaluate(f"{TOPICS_TAB}.click()")
+            browser.wait("document.body.innerText.includes('/ego/lidar/points')")
             (tmp_path / "lichtblick.png").write_bytes(browser.screenshot())
-            assert "/v2x/sent" in browser.evaluate("document.body.innerText")
+            listed = set(browser.evaluate("document.body.innerText").splitlines())
+            assert topics <= listed, f"not listed: {sorted(topics - listed)}"
     finally:
         player.terminate()
         player.wait(30)
