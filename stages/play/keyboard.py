@@ -62,4 +62,7 @@ class Keyboard:
 def _is_ours() -> bool:
     if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty() or sys.platform == "win32":
         return False
-    return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    try:
+        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    except OSError:  # a terminal, but not the one that controls this process
+        return False

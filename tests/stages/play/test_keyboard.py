@@ -47,3 +47,12 @@ def test_without_a_terminal_no_key_comes() -> None:
     )
     assert done.stdout.decode() == "False\n'' '' ''\n"
     assert time.monotonic() - begin_s > 0.2
+
+
+def test_a_terminal_of_another_session_is_left_alone() -> None:
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", SCRIPT.replace("20", "0.1")]
+    done = subprocess.run(command, stdin=theirs, capture_output=True, text=True, start_new_session=True)
+    os.close(ours)
+    os.close(theirs)
+    assert done.stdout == "False\n'' '' ''\n", done.stderr
