@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from advpipe.pipeline.adversary.constraints import BLACK_BOX, SCORE_BASED
+from advpipe.pipeline.adversary.forwarding import ForwardingDetector
 from advpipe.pipeline.adversary.goal import DETECTED_SCORE
 from advpipe.pipeline.detector.ensemble import EnsembleDetections
-from advpipe.pipeline.detector.protocol import Detections, ObjectDetector, Range
+from advpipe.pipeline.detector.protocol import Detections, ObjectDetector
 from advpipe.pipeline.messages.cloud import Cloud
 
 if TYPE_CHECKING:
@@ -22,20 +23,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class BlackBoxDetector:
+class BlackBoxDetector(ForwardingDetector):
     """An `ObjectDetector` that answers queries and hides its loss. scores: whether it tells them; otherwise
     detections of a score of at least `DETECTED_SCORE` all have score 1, in the order of their places."""
 
-    detector: ObjectDetector
     scores: bool = True
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        return self.detector.classes
-
-    @property
-    def range_m(self) -> Range:
-        return self.detector.range_m
 
     def detect(self, cloud: Cloud) -> Detections:
         return told_by(self, self.detector.detect(cloud))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.adversary.forwarding import ForwardingDetector
 from advpipe.pipeline.detector.protocol import (
     Detections,
     ObjectDetector,
@@ -27,25 +28,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class SurrogateDetector:
+class SurrogateDetector(ForwardingDetector):
     """The attacked detector, which answers queries, with a surrogate beside it, which proposes changes."""
 
-    detector: ObjectDetector
     surrogate: VoxelDetector
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        return self.detector.classes
-
-    @property
-    def range_m(self) -> Range:
-        return self.detector.range_m
-
-    def detect(self, cloud: npt.NDArray[np.void]) -> Detections:
-        return self.detector.detect(cloud)
-
-    def loss(self, points: Tensor, boxes: Tensor, labels: Tensor) -> Tensor:
-        return self.detector.loss(points, boxes, labels)
 
 
 @dataclass(frozen=True)
