@@ -26,6 +26,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
+from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 from advpipe.stages.simulate.run import simulate
@@ -34,19 +35,23 @@ OVERRIDES = (
     *("simulation.warmup_s=5", "traffic.vehicles=40", "traffic.pedestrians=3"),
     *("sensors.lidars.lidar.channels=12", "sensors.lidars.lidar.points_per_second=43200"),
     "sensors.lidars.lidar.coordinate_grid_m=0.001953125",
+    *("v2x.cpm={}", "sensors.radars={front: {preset: long-range}}"),
 )
 LIDAR = {"attach": {"eps_m": 0.5, "points": 30}, "perturb": {"eps_cm": 5.0}, "detach": {"ratio": 0.02}}
 
 
 def requests(names: list[str], recipe: str) -> dict[str, dict[str, object]]:
-    """Every attack that CAMs, fixes and clouds can have, by name."""
+    """Every attack that CAMs, CPMs, fixes, clouds and radar scans can have, by name."""
     found: dict[str, dict[str, object]] = {
         name: {"type": name, "recipe": recipe, "parameters": parameters, "frames": "::10"}
         for name, parameters in LIDAR.items()
     }
     found |= {name: {"type": name, "victim": "ego"} for name in GNSS_ATTACKS}
+    found |= {name: {"type": name, "victim": "ego"} for name in RADAR_ATTACKS}
     found |= {
-        name: {"type": name, "attackers": {"share": 0.2}} for name in V2X_ATTACKS if name.startswith("cam-")
+        name: {"type": name, "attackers": {"share": 0.2}}
+        for name in V2X_ATTACKS
+        if name.startswith(("cam-", "cpm-"))
     }
     return {name: options for name, options in found.items() if not names or name in names}
 

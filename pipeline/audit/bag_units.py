@@ -13,7 +13,7 @@ from advpipe.pipeline.audit.chunk_probes import CHUNK_PROBES, ChunkView
 from advpipe.pipeline.audit.fix_probes import FIX_PROBES, FixView
 from advpipe.pipeline.audit.lidar_probes import CLOUD_PROBES, POINT_PROBES
 from advpipe.pipeline.audit.lidar_view import CloudView, LidarHabits
-from advpipe.pipeline.audit.message_probes import MESSAGE_PROBES, STATION_PROBES
+from advpipe.pipeline.audit.message_probes import CPM_PROBES, MESSAGE_PROBES, STATION_PROBES
 from advpipe.pipeline.audit.message_view import MessageView, StationView
 from advpipe.pipeline.audit.probe import Unit
 from advpipe.pipeline.audit.roc_area import Bool
@@ -32,7 +32,7 @@ from advpipe.pipeline.labels.points import ADDED, REMOVED, PointLabels
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
 from advpipe.pipeline.messages.radar import SCAN_TYPE, scan_from_cdr
-from advpipe.pipeline.v2x.message_type import CAM
+from advpipe.pipeline.v2x.message_type import CAM, CPM, MessageType
 
 MOST_POINTS = 2000
 """Touched and untouched points, each, that are drawn from one cloud."""
@@ -120,16 +120,23 @@ def _points(view: CloudView, labels: PointLabels, number: int) -> Units:
 
 
 def _messages(reader: BagReader, vehicle: str, touched: TouchedUnits) -> Iterator[Units]:
-    """Of CAMs: what is usual of one type of message would tell it from the others, not false from true."""
-    receptions = recorded_receptions(reader, vehicle, kind=CAM)
-    if not receptions:
-        return
-    view = MessageView(receptions)
-    is_attacked = np.array([each.number in touched.messages for each in receptions], bool)
-    yield measured("message", MESSAGE_PROBES, view, view.station, is_attacked)
-    ids = np.array([view.station[own[0]] for own in view.of_station])
-    is_false = np.array([bool(is_attacked[own].any()) for own in view.of_station])
-    yield measured("station", STATION_PROBES, StationView(view), ids, is_false)
+    """Of each type apart: what is usual of one would tell it from the others, not false from true."""
+    cams, is_attacked = _received(reader, vehicle, CAM, touched)
+    if cams.receptions:
+        yield measured("message", MESSAGE_PROBES, cams, cams.station, is_attacked)
+        ids = np.array([cams.station[own[0]] for own in cams.of_station])
+        is_false = np.array([bool(is_attacked[own].any()) for own in cams.of_station])
+        yield measured("station", STATION_PROBES, StationView(cams), ids, is_false)
+    cpms, is_attacked = _received(reader, vehicle, CPM, touched)
+    if cpms.receptions:
+        yield measured("cpm", CPM_PROBES, cpms, cpms.station, is_attacked)
+
+
+def _received(
+    reader: BagReader, vehicle: str, kind: MessageType, touched: TouchedUnits
+) -> tuple[MessageView, Bool]:
+    receptions = recorded_receptions(reader, vehicle, kind=kind)
+    return MessageView(receptions), np.array([each.number in touched.messages for each in receptions], bool)
 
 
 def _fixes(reader: BagReader, topic: str, touched: TouchedUnits) -> Iterator[Units]:

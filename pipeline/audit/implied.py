@@ -25,6 +25,7 @@ _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
     "point": ("lidar",),
     "message": ("v2x", "gnss"),
     "station": ("v2x", "gnss"),
+    "cpm": ("v2x", "gnss"),
     "fix": ("gnss",),
     "scan": ("radar",),
     "return": ("radar",),
@@ -34,6 +35,9 @@ _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
 
 OF_MOVED_POINTS = (MAX_DISPLACEMENT.name, MAX_OFF_RAY.name, MAX_INTENSITY_CHANGE.name)
 """Quantities that an attack which moves no point need not bound."""
+
+BEGINS_TRUE = "begins_true"
+"""What implies a probe of age: an attack whose attackers have to send something true first."""
 
 
 def implied(probe: Probe[Any], attacks: Iterable[RecordedAttack], *, has_debug: bool) -> str:
@@ -64,6 +68,12 @@ def _reason(quantity: str, declared: Declaration) -> str:
             return f"declares {_meaning(quantity, declared)} of up to {max(map(abs, least_most)):g}"
     if declared.family == "v2x" and quantity == MESSAGES_ADDED.name:
         return "sends messages that no station would" if any(e.every_message_matters for e in terms) else ""
+    if quantity == BEGINS_TRUE:
+        return (
+            "repeats old messages, before which there are true ones"
+            if any(each.begins_true for each in terms)
+            else ""
+        )
     if quantity in OF_MOVED_POINTS and declared.bounds.get(POINTS_MOVED.name) == (0, 0):
         return ""
     is_cloud_quantity = quantity in cloud_quantities(declared.quantities)

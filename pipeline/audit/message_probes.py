@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from advpipe.pipeline.audit.implied import BEGINS_TRUE
 from advpipe.pipeline.audit.message_view import CHECK_S, MessageView, StationView
 from advpipe.pipeline.audit.probe import Float64, Probe
 
@@ -13,8 +16,9 @@ _RATE = ("delay_s", *_ADDED)
 _IDS = ("station id", *_ADDED)
 _LENGTH = ("position",)
 """A CAM holds the path that its sender claims to have driven: false positions make another one, of other
-length, which takes other microseconds on the air."""
-_AGE = (*_IDS, *_TIMES)
+length, which takes other microseconds on the air. An id that sends once, or that stands, has CAMs with or
+without that path alone, so that ids which do not exist tell by their median; a message by itself does not."""
+_AGE = (*_IDS, *_TIMES, BEGINS_TRUE)
 """Who sends old messages, or delays them, has to have some first."""
 
 
@@ -42,13 +46,21 @@ MESSAGE_PROBES: tuple[Probe[MessageView], ...] = (
           lambda v: v.same_body, _IDS),
 )  # fmt: skip
 
+CPM_PROBES: tuple[Probe[MessageView], ...] = tuple(
+    replace(probe, unit="cpm", implied_by=("perceived objects",) if probe.name == "bytes" else ())
+    for probe in MESSAGE_PROBES
+    if probe.name not in ("lag", "equal-bodies")
+)
+"""The same of CPMs, but what reads the time of generation, which stands elsewhere in them. Attacks on CPMs
+change the objects that they report, and with them their bytes; nothing else is implied."""
+
 STATION_PROBES: tuple[Probe[StationView], ...] = (
     Probe("id", "station", "the id as a number",
           lambda v: v.each(v.messages.station.astype(np.float64)), _IDS),
     Probe("messages", "station", "number of messages",
           lambda v: v.count, _RATE),
     Probe("bytes", "station", "median bytes of a message",
-          lambda v: v.each(v.messages.length), _LENGTH),
+          lambda v: v.each(v.messages.length), (*_IDS, *_LENGTH)),
     Probe("bytes-spread", "station", "spread of the bytes",
           lambda v: v.spread(v.messages.length), (*_IDS, *_LENGTH)),
     Probe("interval", "station", "median interval",

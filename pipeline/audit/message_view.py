@@ -26,7 +26,7 @@ CHECK_S = 0.1
 
 @dataclass(frozen=True)
 class MessageView:
-    """The N CAMs that a vehicle received, by arrival."""
+    """The N messages of one type that a vehicle received, by arrival; `lag_s` and `same_body` are of CAMs."""
 
     receptions: Sequence[RecordedReception]
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 Float64 = npt.NDArray[np.float64]
 
-Unit = Literal["cloud", "point", "message", "station", "fix", "scan", "return", "chunk"]
-"""What is attacked or clean: a LiDAR cloud, one of its points, a received message, the sender of messages by
-the id that it claims, a GNSS fix, a radar scan, one of its returns, and a chunk of the file."""
+Unit = Literal["cloud", "point", "message", "station", "cpm", "fix", "scan", "return", "chunk"]
+"""What is attacked or clean: a LiDAR cloud, one of its points, a received CAM, the sender of CAMs by the id
+that it claims, a received CPM, a GNSS fix, a radar scan, one of its returns, and a chunk of the file."""
 
 V = TypeVar("V", bound=Any)
 

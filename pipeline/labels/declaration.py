@@ -46,12 +46,14 @@ class Terms(Document):
     superfluous. labelled_as_published: whether labels follow the published code of a data set instead of the
     rule of `pipeline/v2x/facilities/effect.py`. untrue: the claims that it falsifies in its attackers' own
     messages (`claims.Claim`); all other fields of a message that it changes or delays stay as they are.
+    begins_true: whether the first messages of its attackers stay true, as they have no older ones to repeat.
     """
 
     bounds: Bounds = Field(default_factory=dict)
     every_message_matters: bool = False
     labelled_as_published: bool = False
     untrue: Annotated[tuple[ShortText, ...], Field(max_length=_MOST_BOUNDS)] = ()
+    begins_true: bool = False
     published: Published = Published()
 
 

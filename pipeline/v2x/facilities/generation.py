@@ -11,6 +11,7 @@ from advpipe.pipeline.v2x.facilities.cam import MAX_PATH_POINTS, Cam, LowFrequen
 from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam
 from advpipe.pipeline.v2x.facilities.ellipsoid import east_north_m
 from advpipe.pipeline.v2x.facilities.path_history import PathHistory
+from advpipe.pipeline.v2x.facilities.reference_point import ReferencePoint
 from advpipe.pipeline.v2x.facilities.station_state import StationState
 from advpipe.pipeline.v2x.section import CamRules
 
@@ -91,6 +92,10 @@ class CamGenerator:
     def forget(self) -> None:
         """Begin anew, as after a change of the station's pseudonym: without a past path or a last CAM."""
         self._path, self._last, self._last_low_frequency_ns = PathHistory(), None, None
+
+    def remember(self, time_ns: int, place: ReferencePoint) -> None:
+        """Add a place of before the first check to the path; times ascend."""
+        self._path.add(time_ns, place.latitude_deg, place.longitude_deg, place.altitude_m)
 
     def check(self, time_ns: int, state: StationState, dcc_interval_s: float = 0.0) -> GeneratedCam | None:
         """The CAM that the station sends at this time, or None.

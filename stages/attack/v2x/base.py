@@ -155,7 +155,8 @@ class V2xTraits(Traits):
     (`pipeline/v2x/facilities/effect.py`). needs_traffic: it changes messages that its attackers send anyway,
     so that a roadside unit, which sends none, cannot be an attacker. needs_ticket: where messages are signed,
     it has an effect from an insider alone, who has a ticket; an outsider can still load the channel or drop
-    messages. message_types: names of the `MESSAGE_TYPES` that it sees and sends. published: see
+    messages. begins_true: the first messages of its attackers stay true, as they have no older ones to
+    repeat. message_types: names of the `MESSAGE_TYPES` that it sees and sends. published: see
     `Published`; its F1 is that of an attack with the parameters `published_of`, or of its preset.
     """
 
@@ -163,6 +164,7 @@ class V2xTraits(Traits):
     every_message_matters: bool = False
     needs_traffic: bool = True
     needs_ticket: bool = True
+    begins_true: bool = False
     message_types: tuple[str, ...] = (CAM.name,)
     published: Published = field(default_factory=Published)
     published_of: Mapping[str, Any] = field(default_factory=dict)

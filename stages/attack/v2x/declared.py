@@ -27,6 +27,7 @@ def declaration_of_messages(spec: AttackSpec, attack_class: type[V2xAttack]) -> 
         every_message_matters=traits.every_message_matters,
         labelled_as_published=preset is not None,
         untrue=untrue,
+        begins_true=traits.begins_true,
         published=traits.published_with(parameters),
         parts=attack_class.parts(spec.type, parameters),
         message_types=traits.message_types,

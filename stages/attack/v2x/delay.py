@@ -93,6 +93,7 @@ class Stale(V2xAttack):
 
     traits = V2xTraits(
         untrue=tuple(claim for claim in ALL_CLAIMS if claim != "station id"),
+        begins_true=True,
         published=Published(veremi_extension=12),
     )
 

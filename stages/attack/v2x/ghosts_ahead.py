@@ -16,7 +16,9 @@ from advpipe.pipeline.replay.v2x_drive import V2xStep
 from advpipe.pipeline.v2x.channel import Sent
 from advpipe.stages.attack.bounds import checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xTraits
-from advpipe.stages.attack.v2x.ghost_vehicles import BrakingMotion, GhostAttack, GhostMotion, Key
+from advpipe.stages.attack.v2x.ghost_motion import BrakingMotion, GhostMotion
+from advpipe.stages.attack.v2x.ghost_past import PastPose, Trail
+from advpipe.stages.attack.v2x.ghost_vehicles import GhostAttack, Key
 
 MAX_DISTANCE_M = 300.0
 """Ghost vehicles farther than this from their target have no effect on it."""
@@ -24,10 +26,12 @@ MAX_DISTANCE_M = 300.0
 
 @dataclass
 class _GhostGroup:
-    """Ghost vehicles created together, the `count`-th group. senders: station ids, by index in `ghosts`."""
+    """Ghost vehicles created together, the `count`-th group. pasts: where they claim to come from. senders:
+    station ids, by index in `ghosts`."""
 
     count: int
     ghosts: list[BrakingMotion]
+    pasts: list[list[PastPose]]
     senders: dict[int, int] = field(default_factory=dict)
 
 
@@ -37,13 +41,15 @@ class GhostsAhead(GhostAttack):
     A group is created when the attack becomes active and the target drives at least `from_speed_mps`; once
     the target has passed them all, or is `MAX_DISTANCE_M` away, a group with new station ids follows. Several
     attackers within `MAX_DISTANCE_M` share the ghost vehicles of one victim, the nearest first; the nearest
-    attacker takes over those of an attacker that leaves the road.
+    attacker takes over those of an attacker that leaves the road. In their path histories they have come the
+    target's way, ahead of it.
     """
 
     def __init__(self, context: AttackContext, *, from_speed_mps: float = 3.0, **others: Any) -> None:
         super().__init__(context, **others)
         self._from_mps = checked_number(context.name, "from_speed_mps", from_speed_mps, 0)
         self._groups: dict[int, _GhostGroup] = {}
+        self._trails: dict[int, Trail] = {}
 
     def edit(self, step: V2xStep, sent: Sequence[Sent]) -> Sequence[Sent]:
         context, edited = self.context, list(sent)
@@ -57,15 +63,17 @@ class GhostsAhead(GhostAttack):
         for target, senders in targets:
             group = self._group(step, target)
             motions: dict[int, dict[Key, GhostMotion]] = {}
-            for index, ghost in enumerate(group.ghosts):
+            pasts: dict[Key, list[PastPose]] = {}
+            for index, (ghost, past) in enumerate(zip(group.ghosts, group.pasts, strict=True)):
                 if group.senders.get(index) not in {radio.station_id for radio in senders}:
                     near = [radio for radio in senders if _distance_m(radio, target) <= MAX_DISTANCE_M]
                     successor = senders[0] if index in group.senders or not near else near[index % len(near)]
                     group.senders[index] = successor.station_id
                 key = target.station_id, group.count, index
                 motions.setdefault(group.senders[index], {})[key] = ghost.motion(step.begin_ns)
+                pasts[key] = past
             for sender, moving in motions.items():
-                edited += self._ghost_vehicles.messages(step, sender, moving)
+                edited += self._ghost_vehicles.messages(step, sender, moving, pasts)
         self._ghost_vehicles.observe(step, edited)
         return edited
 
@@ -76,17 +84,21 @@ class GhostsAhead(GhostAttack):
 
     def _group(self, step: V2xStep, target: RadioPlace) -> _GhostGroup:
         """The target's ghost vehicles; a new group if none is ahead of it any more."""
-        group = self._groups.setdefault(target.station_id, _GhostGroup(0, []))
+        group = self._groups.setdefault(target.station_id, _GhostGroup(0, [], []))
+        trail = self._trails.setdefault(target.station_id, Trail())
+        trail.add(step.begin_ns, target.map_SE3_base)
         front = target.map_SE3_base.copy()
         front[:3, 3] = transform_points(front, [target.size_m[0] / 2, 0.0, 0.0])
         offsets_m = [ghost.motion(step.begin_ns).map_SE3_base[:3, 3] - front[:3, 3] for ghost in group.ghosts]
         if any(offset @ front[:3, 0] > 0 and np.linalg.norm(offset) < MAX_DISTANCE_M for offset in offsets_m):
             return group
         speed_mps = float(front[:3, 0] @ target.velocity_mps)
-        group = _GhostGroup(group.count, [])
+        group = _GhostGroup(group.count, [], [])
         if speed_mps >= self._from_mps and self.context.active(step.begin_ns):
             key = target.station_id, group.count + 1
-            group = _GhostGroup(group.count + 1, self._create(step.begin_ns, front, max(speed_mps, 0.0), key))
+            ghosts = self._create(step.begin_ns, front, max(speed_mps, 0.0), key)
+            pasts = [trail.before(ghost, step.begin_ns, front) for ghost in ghosts]
+            group = _GhostGroup(group.count + 1, ghosts, pasts)
         self._groups[target.station_id] = group
         return group
 
@@ -101,7 +113,7 @@ class GhostStop(GhostsAhead):
     """A stationary ghost vehicle that suddenly appears at the target's safety distance.
 
     The distance is margin_m + speed * reaction_s + speed^2 / (2 deceleration_mps2): a margin, the reaction
-    distance and the braking distance.
+    distance and the braking distance; its path history says that it has just braked to a standstill there.
     """
 
     traits = V2xTraits(every_message_matters=True, needs_traffic=False)
@@ -122,7 +134,9 @@ class GhostStop(GhostsAhead):
 
     def _create(self, begin_ns: int, front: Float64, speed_mps: float, key: Key) -> list[BrakingMotion]:
         gap_m = self._margin_m + speed_mps * self._reaction_s + speed_mps**2 / (2 * self._deceleration_mps2)
-        return [BrakingMotion(self._ghost_pose(front, gap_m, 0.0), begin_ns, 0.0, 0.0, 1.0, 0.0)]
+        stop_ns = math.ceil(speed_mps / self._deceleration_mps2 * 1e9)
+        start = self._ghost_pose(front, gap_m - speed_mps**2 / (2 * self._deceleration_mps2), 0.0)
+        return [BrakingMotion(start, begin_ns - stop_ns, speed_mps, 0.0, self._deceleration_mps2, 0.0)]
 
 
 class GhostBrake(GhostsAhead):

@@ -20,13 +20,8 @@ from advpipe.pipeline.v2x.facilities.generation import CHECK_INTERVAL_NS
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.v2x.base import AttackContext, V2xAttack, V2xTraits
 from advpipe.stages.attack.v2x.cams import with_fields
-from advpipe.stages.attack.v2x.ghost_vehicles import (
-    BrakingMotion,
-    GhostAttack,
-    GhostMotion,
-    Key,
-    OffsetMotion,
-)
+from advpipe.stages.attack.v2x.ghost_motion import BrakingMotion, GhostMotion, OffsetMotion
+from advpipe.stages.attack.v2x.ghost_vehicles import GhostAttack, Key
 from advpipe.stages.attack.v2x.ghosts_ahead import GhostsAhead
 from advpipe.stages.attack.v2x.overheard_messages import RECEPTION_RANGE_M, OverheardMessages, with_later_time
 

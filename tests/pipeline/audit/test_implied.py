@@ -25,6 +25,8 @@ DETACH = {"type": "detach", "parameters": {"ratio": 0.01}}
 PERTURB = {"type": "perturb", "parameters": {"eps_cm": 5.0}}
 DELAY = {"type": "cam-delay", "attackers": {"share": 0.3}}
 OFFSET = {"type": "cam-position-offset", "attackers": {"share": 0.3}}
+STALE = {"type": "cam-stale", "attackers": {"share": 0.3}}
+CPM_GHOST = {"type": "cpm-ghost", "attackers": {"share": 0.3}}
 SYBIL = {"type": "cam-sybil-congestion", "attackers": {"share": 0.3}}
 
 
@@ -46,6 +48,12 @@ SYBIL = {"type": "cam-sybil-congestion", "attackers": {"share": 0.3}}
         (OFFSET, "message/id-age", ""),
         (SYBIL, "message/id-age", "cam-sybil-congestion sends messages that no station would"),
         (SYBIL, "message/lag", ""),
+        (SYBIL, "message/bytes", ""),
+        (SYBIL, "station/bytes", "cam-sybil-congestion sends messages that no station would"),
+        (STALE, "message/id-age", "cam-stale repeats old messages, before which there are true ones"),
+        (STALE, "message/interval", ""),
+        (CPM_GHOST, "cpm/bytes", "cpm-ghost makes the perceived objects of its messages untrue"),
+        (CPM_GHOST, "cpm/interval", ""),
         ({"type": "gnss-bias", "victim": "ego"}, "fix/digits", ""),
     ],
 )

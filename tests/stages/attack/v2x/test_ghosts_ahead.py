@@ -27,6 +27,24 @@ def test_the_ghost_vehicle_stands_at_the_safety_distance():
         assert report.yaw_rad == pytest.approx(0, abs=0.002)
 
 
+def test_the_path_of_a_standing_ghost_vehicle_is_the_way_of_its_target():
+    """After 5 s the victim has come from 50 to 100 m, where it switches the ghost vehicle on: that one stands
+    22.58 m ahead of the victim's front, of which it has braked 1.67 s for 8.33 m, and driven 1.43 s before,
+    in whole steps of 0.1 s; before that, it was where the victim was, 3.1 s earlier."""
+    drive = lane({1: 0.0, 2: 50.0}, 60)
+    attack = GhostStop(
+        context("cam-ghost-stop", victim=2, active=lambda time_ns: time_ns >= BEGIN_NS + 5 * 10**9)
+    )
+    cam, report = decoded(ghosts(attack, drive)[0])
+    path = cam.low_frequency.path_history
+    east_m = sum(point.delta_longitude_deg for point in path) * 111_320 * np.cos(np.radians(48))
+    assert east_m == pytest.approx(52.25 - (102.25 + GAP_M + 4.5), abs=0.3)
+    assert sum(point.delta_latitude_deg for point in path) * 111_000 == pytest.approx(0, abs=0.1)
+    assert report.generation_ns / 1e9 - sum(point.delta_time_s for point in path) == pytest.approx(
+        BEGIN_NS / 1e9 - 3.1, abs=0.011 * len(path)
+    )
+
+
 def test_a_standing_ghost_vehicle_sends_at_the_lowest_rate():
     """First 0.1 to 0.2 s after it came; that interval holds for three CAMs more, and then the longest."""
     messages = ghosts(GhostStop(context("cam-ghost-stop", victim=2)), lane({1: 0.0, 2: 0.0}, 22))
