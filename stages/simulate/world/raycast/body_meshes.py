@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -84,6 +85,7 @@ def body_meshes(variants: Mapping[str, Variant], user_bodies: Mapping[str, UserB
     }
 
 
+@lru_cache(maxsize=1024)  # the same ones in every drive of a process
 def body_mesh(variant: Variant) -> Mesh:
     """The mesh of a built-in body, mirrors included, in base_link."""
     mirrors = SHAPES[variant.body.name].mirrors

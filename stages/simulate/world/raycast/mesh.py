@@ -57,6 +57,17 @@ def merge(meshes: Iterable[Mesh]) -> Mesh:
     )
 
 
+def _box_faces() -> npt.NDArray[np.int64]:
+    """The triangles of a box: its sides, its floor, and its lid, which has corners of its own."""
+    sides = [[i, (i + 1) % 4, (i + 1) % 4 + 4] for i in range(4)]
+    sides += [[i, (i + 1) % 4 + 4, i + 4] for i in range(4)]
+    return np.array([*sides, [0, 2, 1], [0, 3, 2], [12, 13, 14], [12, 14, 15]], np.int64)
+
+
+_BOX_FACES, _LID_FACES = _box_faces(), 2
+_UNIT_BOX = np.array([(x, y, z) for z in (0, 1) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))], np.float64)
+
+
 def surface(vertices_m: npt.ArrayLike, triangles: npt.ArrayLike, material: str) -> Mesh:
     """A mesh of vertices (V, 3) in metres and triangles (T, 3) with one material of `MATERIAL_ID`."""
     faces = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
@@ -77,17 +88,10 @@ def strip(left_m: Float64, right_m: Float64, material: str) -> Mesh:
 def box_mesh(size_m: Sequence[float], material: str, top: str | None = None) -> Mesh:
     """A box of length, width and height on z = 0, centred in x and y; `top`: material of its upper side."""
     length, width, height = size_m
-    corners = [(x, y, z) for z in (0, height) for x, y in _square(length / 2, width / 2)]
-    sides = [[i, (i + 1) % 4, (i + 1) % 4 + 4] for i in range(4)] + [
-        [i, (i + 1) % 4 + 4, i + 4] for i in range(4)
-    ]
-    lid = [[4, 5, 6], [4, 6, 7]]
-    floor = [[0, 2, 1], [0, 3, 2]]
-    return merge([surface(corners, sides + floor, material), surface(corners, lid, top or material)])
-
-
-def _square(x: float, y: float) -> list[tuple[float, float]]:
-    return [(x, y), (-x, y), (-x, -y), (x, -y)]
+    corners = _UNIT_BOX * (length / 2, width / 2, height)
+    materials = np.full(len(_BOX_FACES), MATERIAL_ID[material], np.uint8)
+    materials[-_LID_FACES:] = MATERIAL_ID[top or material]
+    return Mesh(np.concatenate([corners, corners]), _BOX_FACES, materials)
 
 
 def tube(

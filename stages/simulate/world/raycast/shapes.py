@@ -14,6 +14,11 @@ from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge, surface
 Profile = Sequence[tuple[float, float]]
 Vector = Sequence[float]
 
+_HALVES = np.array([[0, 1, 2], [0, 2, 3]])
+"""The corners of the triangles of a sheet with four."""
+_X_OF_CORNERS, _Z_OF_CORNERS = np.array([0, 1, 1, 0]), np.array([2, 2, 3, 3])
+"""The columns of the sides of an upright rectangle that its corners have."""
+
 
 def triangulated(area: shapely.Geometry) -> Float64:
     """The corners (T, 3, 2) of triangles that fill an area."""
@@ -47,15 +52,17 @@ def quads(corners_m: npt.ArrayLike, material: str) -> Mesh:
     """Sheets with four corners (N, 4, 3) each, in order around them."""
     points = np.asarray(corners_m, dtype=np.float64).reshape(-1, 3)
     first = np.arange(0, len(points), 4)[:, None]
-    return surface(points, np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]), material)
+    return surface(points, np.concatenate([first + _HALVES[0], first + _HALVES[1]]), material)
 
 
 def upright(sides_m: npt.ArrayLike, y_m: float | Float64, material: str) -> Mesh:
     """Upright rectangles in planes y = `y_m`, from their sides (N, 4): x from, x to, z from, z to."""
-    a, b, low, high = np.asarray(sides_m, dtype=np.float64).reshape(-1, 4).T
-    y = np.broadcast_to(np.asarray(y_m, dtype=np.float64), a.shape)
-    corners = [(a, y, low), (b, y, low), (b, y, high), (a, y, high)]
-    return quads(np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1), material)
+    sides = np.asarray(sides_m, dtype=np.float64).reshape(-1, 4)
+    corners = np.empty((len(sides), 4, 3))
+    corners[:, :, 0] = sides[:, _X_OF_CORNERS]
+    corners[:, :, 1] = np.asarray(y_m, dtype=np.float64).reshape(-1, 1)
+    corners[:, :, 2] = sides[:, _Z_OF_CORNERS]
+    return quads(corners, material)
 
 
 def limbs(
