@@ -112,6 +112,7 @@ def run(drive: Path, out: Path, *more: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*command, *more], capture_output=True, text=True, timeout=300, check=False)
 
 
+@pytest.mark.nightly
 def test_it_ends_in_time_goes_on_and_reports(
     study: dict[str, ModuleType], drive: Path, tmp_path: Path
 ) -> None:

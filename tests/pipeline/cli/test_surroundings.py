@@ -66,6 +66,7 @@ for words in json.loads(sys.argv[1]):
 """Several commands in one process: libraries are loaded once."""
 
 
+@pytest.mark.nightly
 def test_in_a_locale_of_ascii_files_are_the_same(run: Run, made: Path, tmp_path: Path) -> None:
     (tmp_path / "citation.txt").write_text("Å. Author", encoding="utf-8")
     frame = ["--frames", "0:1"]

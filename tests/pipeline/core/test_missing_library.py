@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,7 @@ from advpipe.pipeline.core.missing_library import (
 )
 
 ROOT = Path(__file__).parents[3]
+by_night = partial(pytest.param, marks=pytest.mark.nightly)
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux's loader says")
 
 
@@ -90,7 +92,7 @@ COMMANDS_AND_LIBRARIES = {
 @pytest.mark.parametrize(
     "case",
     [
-        case if case in ("simulate", "evaluate", "inspect") else pytest.param(case, marks=pytest.mark.nightly)
+        case if case in ("simulate", "inspect") else pytest.param(case, marks=pytest.mark.nightly)
         for case in COMMANDS_AND_LIBRARIES
     ],
 )
@@ -137,9 +139,9 @@ def test_a_damaged_library_is_named(smoke_set: Path, tmp_path: Path) -> None:
     ("arguments", "module", "package"),
     [
         (("simulate", "smoke"), "libsumo", "libsumo"),
-        (("simulate", "smoke"), "sumo", "eclipse-sumo"),
-        (("simulate", "smoke"), "open3d", "open3d-cpu"),
-        (("simulate", "smoke"), "pycrate_asn1dir", "pycrate"),
+        by_night(("simulate", "smoke"), "sumo", "eclipse-sumo"),
+        by_night(("simulate", "smoke"), "open3d", "open3d-cpu"),
+        by_night(("simulate", "smoke"), "pycrate_asn1dir", "pycrate"),
         (("schema",), "pydantic", "pydantic"),
         (("schema",), "yaml", "pyyaml"),
     ],
