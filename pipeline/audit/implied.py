@@ -76,8 +76,8 @@ def _reason(quantity: str, declared: Declaration) -> str:
         )
     if quantity in OF_MOVED_POINTS and declared.bounds.get(POINTS_MOVED.name) == (0, 0):
         return ""
-    is_cloud_quantity = quantity in cloud_quantities(declared.quantities)
-    if declared.family == "lidar" and is_cloud_quantity and quantity not in declared.bounds:
+    own = {"lidar": cloud_quantities(declared.quantities), "radar": SCAN_QUANTITIES}.get(declared.family, {})
+    if quantity in own and quantity not in declared.bounds:
         return f"does not bound the {_meaning(quantity, declared)}"
     return ""
 

@@ -29,8 +29,8 @@ class ScanContext:
 
 @dataclass(frozen=True)
 class AttackedScan:
-    """returns: (K,) of `RETURN_DTYPE`. source: (K,), index of each in the given scan, ascending but for those
-    added, which are -1 and come last."""
+    """returns: (K,) of `RETURN_DTYPE`, in any order: they are sorted as the given scan is. source: (K,), the
+    index of each in the given scan, -1 of those added."""
 
     returns: RadarReturns
     source: npt.NDArray[np.int64]

@@ -51,7 +51,8 @@ class _Touched:
     removed: list[tuple[int, str]] = field(default_factory=list)
 
     def apply(self, attack: str, result: AttackedScan) -> ScanChange:
-        """Take what one attack made of it."""
+        """Take what one attack made of it, in the order of the radar: by range, where it sorts by it."""
+        result = _as_sorted(result, self.returns)
         kept = result.source >= 0
         same = np.zeros(len(result.source), bool)
         same[kept] = result.returns[kept] == self.returns[result.source[kept]]
@@ -64,6 +65,14 @@ class _Touched:
         self.source = np.where(kept, self.source[result.source], -1) if len(self.source) else result.source
         self.returns = result.returns
         return ScanChange(int((~kept).sum()), len(gone), int((kept & ~same).sum()))
+
+
+def _as_sorted(result: AttackedScan, before: RadarReturns) -> AttackedScan:
+    """The attacked scan by range, if the scan before was; a place at the end would tell what was added."""
+    if not (np.diff(before["range"]) >= 0).all():
+        return result
+    order = np.argsort(result.returns["range"], kind="stable")
+    return AttackedScan(result.returns[order], result.source[order])
 
 
 class ScanAttackSchedule:

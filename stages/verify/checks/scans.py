@@ -39,8 +39,8 @@ class _ScanPair:
 
 
 class Scans(BagCheck):
-    """Compares each scan in both bags: returns that were neither added nor removed keep their order, and
-    those without a label their bytes. The points that repeat a scan follow from it."""
+    """Compares each scan in both bags: returns without a label keep their bytes and their order. The points
+    that repeat a scan follow from it."""
 
     def check(self) -> Iterator[Result]:
         if not self.bag.is_attack or self.bag.parent is None:
@@ -135,10 +135,13 @@ def _faults(
     if len(kept) != len(places):
         yield "has more or fewer returns than its labels say"
         return
-    for index, place in zip(kept, places, strict=True):
-        if changed.get(place, index) != index:
-            yield f"has a label that confuses its return {place}"
-        elif place not in changed and clean.returns[index] != attacked.returns[place]:
+    moved = set(changed.values())
+    if len(moved) < len(by_action[CHANGED]) or not moved.issubset(kept) or not changed.keys() <= set(places):
+        yield "has labels that confuse its returns"
+        return
+    same = zip((i for i in kept if i not in moved), (i for i in places if i not in changed), strict=True)
+    for index, place in same:
+        if clean.returns[index] != attacked.returns[place]:
             yield f"has a return {place} that was changed without a label"
     for label in labels:
         returns, key = (clean, "clean") if label["action"] == REMOVED else (attacked, "attacked")

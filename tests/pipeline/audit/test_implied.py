@@ -27,6 +27,7 @@ DELAY = {"type": "cam-delay", "attackers": {"share": 0.3}}
 OFFSET = {"type": "cam-position-offset", "attackers": {"share": 0.3}}
 STALE = {"type": "cam-stale", "attackers": {"share": 0.3}}
 CPM_GHOST = {"type": "cpm-ghost", "attackers": {"share": 0.3}}
+JAM, SPOOF = ({"type": f"radar-{name}", "victim": "ego"} for name in ("jam", "spoof"))
 SYBIL = {"type": "cam-sybil-congestion", "attackers": {"share": 0.3}}
 
 
@@ -54,6 +55,12 @@ SYBIL = {"type": "cam-sybil-congestion", "attackers": {"share": 0.3}}
         (STALE, "message/interval", ""),
         (CPM_GHOST, "cpm/bytes", "cpm-ghost makes the perceived objects of its messages untrue"),
         (CPM_GHOST, "cpm/interval", ""),
+        (
+            {"type": "radar-jam", "victim": "ego"},
+            "scan/returns",
+            "radar-jam does not bound the returns added",
+        ),
+        ({"type": "radar-spoof", "victim": "ego"}, "scan/steps-back", ""),
         ({"type": "gnss-bias", "victim": "ego"}, "fix/digits", ""),
     ],
 )
