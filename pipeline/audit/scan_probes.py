@@ -41,6 +41,15 @@ class ScanView:
         return total
 
     @cached_property
+    def out_of_order(self) -> Float64:
+        """How far behind (N,) its rank by range a return stands, as a share of the scan; 0 where scans are
+        sorted by range, whatever the range that an attack gives it."""
+        count = len(self.scan.returns)
+        rank = np.empty(count)
+        rank[np.argsort(self.scan.returns["range"], kind="stable")] = np.arange(count)
+        return (np.arange(count) - rank) / max(count, 1)
+
+    @cached_property
     def steps_back(self) -> Float64:
         """Whether a return (N,) is nearer than the one before, where scans are sorted by range."""
         return np.append(0.0, (np.diff(self.scan.returns["range"]) < 0).astype(np.float64))[
@@ -61,8 +70,8 @@ SCAN_PROBES: tuple[Probe[ScanView], ...] = (
 )  # fmt: skip
 
 RETURN_PROBES: tuple[Probe[ScanView], ...] = (
-    Probe("place", "return", "place in the array, of its length",
-          lambda v: np.arange(len(v.scan.returns)) / max(len(v.scan.returns), 1)),
+    Probe("place", "return", "place in the array after its rank by range, of the length",
+          lambda v: v.out_of_order),
     Probe("steps-back", "return", "nearer than the one before", lambda v: v.steps_back),
     Probe("digits", "return", "zero bits at the end of its numbers", lambda v: v.roundness),
     Probe("equal-values", "return", "numbers that are exactly those of another return",

@@ -55,12 +55,9 @@ SYBIL = {"type": "cam-sybil-congestion", "attackers": {"share": 0.3}}
         (STALE, "message/interval", ""),
         (CPM_GHOST, "cpm/bytes", "cpm-ghost makes the perceived objects of its messages untrue"),
         (CPM_GHOST, "cpm/interval", ""),
-        (
-            {"type": "radar-jam", "victim": "ego"},
-            "scan/returns",
-            "radar-jam does not bound the returns added",
-        ),
-        ({"type": "radar-spoof", "victim": "ego"}, "scan/steps-back", ""),
+        (JAM, "scan/returns", "radar-jam does not bound the returns added"),
+        (SPOOF, "scan/returns", "radar-spoof declares returns added (returns_added) of up to 3"),
+        (SPOOF, "return/place", ""),
         ({"type": "gnss-bias", "victim": "ego"}, "fix/digits", ""),
     ],
 )
