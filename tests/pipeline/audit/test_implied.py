@@ -56,7 +56,7 @@ SYBIL = {"type": "cam-sybil-congestion", "attackers": {"share": 0.3}}
         (CPM_GHOST, "cpm/bytes", "cpm-ghost makes the perceived objects of its messages untrue"),
         (CPM_GHOST, "cpm/interval", ""),
         (JAM, "scan/returns", "radar-jam does not bound the returns added"),
-        (SPOOF, "scan/returns", "radar-spoof declares returns added (returns_added) of up to 3"),
+        (SPOOF, "scan/returns", "radar-spoof declares returns added to a scan (returns_added) of up to 3"),
         (SPOOF, "return/place", ""),
         ({"type": "gnss-bias", "victim": "ego"}, "fix/digits", ""),
     ],
