@@ -19,7 +19,15 @@ from advpipe.pipeline.sensors.radar import detection
 from advpipe.pipeline.sensors.radar.aim import Aim, Aiming
 from advpipe.pipeline.sensors.radar.mirrors import barrier_facets, mirror_images
 from advpipe.pipeline.sensors.radar.propagation import Propagation
-from advpipe.pipeline.sensors.radar.resolution import are_peaks, fill_cells, folded, resolutions
+from advpipe.pipeline.sensors.radar.resolution import (
+    ELEVATION,
+    RANGE,
+    VELOCITY,
+    are_peaks,
+    fill_cells,
+    folded,
+    resolutions,
+)
 from advpipe.pipeline.sensors.radar.scatterers import Scatterers, beneath_vehicles, scatterers_of
 from advpipe.pipeline.sensors.radar.section import RadarSensor
 from advpipe.pipeline.sensors.weather import Weather
@@ -136,6 +144,18 @@ class Radar:
         places = rng.uniform(-1, 1, (count, 4)) * half
         places[:, 0] += section.range / 2
         return power, places
+
+    def returns_of_hits(self, hits: Float64) -> RadarReturns:
+        """Returns, by range, of what another simulator's radar measured without power, (N, 4): each has the
+        power of a target of 1 m² in its place, so that the RCS is 0 dBsm. The first `max_returns` are kept.
+        """
+        measured = folded(self.section, hits)
+        if not self.section.elevation_resolution_deg:
+            measured[:, ELEVATION] = 0.0
+        measured = measured[(measured[:, RANGE] > 0) & (measured[:, RANGE] <= self.section.range)]
+        measured = measured[: self.section.max_returns]
+        measured = measured[np.argsort(measured[:, RANGE], kind="stable")]
+        return self.as_returns(measured, self.propagation.snr_of_1m2(*measured[:, :VELOCITY].T))
 
     def _listed(self, measured: Float64, power: Float64) -> RadarReturns:
         """The returns of the largest RCS, as many as the list holds, by range."""

@@ -148,7 +148,7 @@ class CarlaCheck:
         carrier = self._world.get_actor(self._mirror.actors["check"])
         base = self._mirror.box("check").actor_SE3_base
         for blueprint, attributes in {**self._lidar.attributes, GNSS: {}, IMU: {}}.items():
-            mount = base @ self._lidar.base_SE3_lidar if "lidar" in blueprint else base
+            mount = base @ self._lidar.base_SE3_sensor if "lidar" in blueprint else base
             self._feeds[blueprint] = Feed(self._world, carrier, blueprint, blueprint, attributes, mount)
             self._opened.callback(self._remove, self._feeds[blueprint])
         ticks: dict[str, int] = {}
@@ -257,7 +257,7 @@ class CarlaCheck:
         return RoadUser(name, replace(variant), pose, np.zeros(3))
 
     def _sensor_place(self, name: str, user: RoadUser) -> Float64:
-        mount = self._lidar.base_SE3_lidar if "lidar" in name else np.eye(4)
+        mount = self._lidar.base_SE3_sensor if "lidar" in name else np.eye(4)
         place: Float64 = (user.map_SE3_base @ mount)[:3, 3]
         return place
 

@@ -17,7 +17,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.localisation.measurements import SensedMotion
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.sensors.lidar.section import LidarSensor
+from advpipe.pipeline.sensors.camera.world_pictures import Picture
 from advpipe.pipeline.sensors.world import Hits, Offer, Scan
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
@@ -26,11 +26,11 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
 from advpipe.stages.simulate.world.carla.actors import CarlaActors, TrafficManagerDrivers
 from advpipe.stages.simulate.world.carla.blueprints import Blueprints
 from advpipe.stages.simulate.world.carla.client import carla_errors, connect
-from advpipe.stages.simulate.world.carla.lidar import Float32, check_lidar
+from advpipe.stages.simulate.world.carla.lidar import Float32
 from advpipe.stages.simulate.world.carla.maps import load_map
 from advpipe.stages.simulate.world.carla.mirror import Mirror
-from advpipe.stages.simulate.world.carla.poses import ActorBox
-from advpipe.stages.simulate.world.carla.sensors import VehicleSensors
+from advpipe.stages.simulate.world.carla.poses import ActorBox, vector_of
+from advpipe.stages.simulate.world.carla.sensors import VehicleSensors, check_sensor
 from advpipe.stages.simulate.world.carla.session import Session, check_step
 from advpipe.stages.simulate.world.carla.signals import Signals
 from advpipe.stages.simulate.world.carla.weather import carla_weather
@@ -49,13 +49,12 @@ class CarlaWorld:
 
     def __init__(self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant]) -> None:
         self._scenario, self._network, self._variants = scenario, network, variants
-        self.offers: frozenset[Offer] = frozenset({"road users", "scans"})
+        self.offers: frozenset[Offer] = frozenset({"road users", "scans", "pictures", "radar hits"})
         self.footprints: Sequence[shapely.Polygon] = ()
         self.roads: Roads = lay_out_roads(network)
         check_step(scenario.simulation.step_s)
         for place, _, section in scenario.sensors.mounted():
-            if isinstance(section, LidarSensor):
-                check_lidar(f"sensors.{place}", section)
+            check_sensor(f"sensors.{place}", section)
         if scenario.v2x.radio.building_loss != "none":
             notice("CARLA's buildings are not known to the radio: v2x.radio.building_loss has no effect")
         detail("world carla: environment and traffic.parked_per_km have no effect; the scenery is CARLA's")
@@ -117,7 +116,7 @@ class CarlaWorld:
             self._signals.show(signals)
             if frame == 0:
                 self._attach_sensors(self._session.tick(), users)
-            snapshot = self._session.tick()
+            snapshot = self._snapshot = self._session.tick()
             step_s = self._scenario.simulation.step_s
             own = self._carla_actors.users(snapshot, self._mirror.actors.values(), step_s)
             self._actors = self._mirror.actors | {user.id: actor for actor, user in own.items()}
@@ -141,6 +140,10 @@ class CarlaWorld:
     def actor(self, name: str) -> int:
         """The number of a road user's actor."""
         return self._actors[name]
+
+    def reported_mps(self, name: str) -> Float64:
+        """The velocity (3,) that CARLA knows of a road user; 0 for one that is moved from outside."""
+        return vector_of(self._snapshot.find(self._actors[name]).get_velocity())
 
     def sensors(self, vehicle: str) -> VehicleSensors:
         """The sensors of an instrumented vehicle."""
@@ -193,7 +196,8 @@ class CarlaWorld:
 
 
 class CarlaSurroundings:
-    """See `Surroundings`, `ScanningSurroundings` and `SensingSurroundings`."""
+    """See `Surroundings`, `ScanningSurroundings`, `PicturingSurroundings`, `RadarSurroundings` and
+    `SensingSurroundings`."""
 
     def __init__(self, world: CarlaWorld, carrier: RoadUser, users: Sequence[RoadUser]) -> None:
         self._world, self._carrier, self._users = world, carrier, users
@@ -211,9 +215,22 @@ class CarlaSurroundings:
         lidar, data, truth = sensors.turn(name)
         cloud, _ = lidar.cloud(data, truth, self._world.actor(self._carrier.id))
         actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
-        map_SE3_lidar = self._carrier.map_SE3_base @ lidar.base_SE3_lidar
+        map_SE3_lidar = self._carrier.map_SE3_base @ lidar.base_SE3_sensor
         occlusion = lidar.turn(truth).occlusion(boxes.transformed(invert(map_SE3_lidar)), actors)
         return Scan(cloud, occlusion)
+
+    def picture(self, name: str, boxes: Boxes) -> Picture:
+        camera, images = self._world.sensors(self._carrier.id).pictures(name)
+        actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
+        return camera.picture(images, boxes, actors, self._carrier.map_SE3_base)
+
+    def radar_hits(self, name: str) -> Float64:
+        radar, data = self._world.sensors(self._carrier.id).scan(name)
+        own = self._world.boxed(self._carrier)
+        others = self._within(radar.range_m)
+        lacking = [user.velocity_mps - self._world.reported_mps(user.id) for user in others]
+        boxes = replace(boxes_of(others), velocity_mps=np.array(lacking).reshape(-1, 3))
+        return radar.hits(data, boxes_of([own] if own else []), boxes, self._carrier.map_SE3_base)
 
     def sensed(self) -> SensedMotion:
         return self._world.sensors(self._carrier.id).sensed()

@@ -15,6 +15,7 @@ from library import Library
 from measuring import Instruments
 from protocol import RefusedError, Streams, accepted, actor_state, refused, sensor_header, snapshot_head
 
+from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 WORLD_STREAM, WORLD_TYPE = 1, 17
@@ -32,10 +33,11 @@ class Episode:
         library: Library,
         maps: Mapping[str, str],
         world: RaycastWorld,
+        scenario: Scenario,
         spawn_points: list[Any],
         faults: Mapping[str, Any],
     ) -> None:
-        self._spawn_points = spawn_points
+        self._spawn_points, self._scenario = spawn_points, scenario
         self._library, self._maps, self._world, self._faults = library, dict(maps), world, faults
         self._opendrive = ""
         self._settings = list(DEFAULTS)
@@ -260,7 +262,7 @@ class Episode:
                 for one in self._actors.values()
                 if "sign_id" in one.values
             },
-            "lidars": [one.values for one in self._actors.values() if "lidar" in one.blueprint],
+            "sensors": [[one.blueprint, one.values] for one in self._actors.values() if one.sensor_type >= 0],
             "history": self._history,
         }
 
@@ -271,7 +273,8 @@ class Episode:
         self._actors: dict[int, Actor] = {}
         origin = [re.search(rf"\+{key}=([-+.\de]+)", self._maps[name]) for key in ("lat_0", "lon_0")]
         latitude, longitude = (float(found[1]) if found else 0.0 for found in origin)
-        self._instruments = Instruments(self._world, (latitude, longitude), bool(self._faults.get("flips")))
+        flips = bool(self._faults.get("flips"))
+        self._instruments = Instruments(self._world, self._scenario, (latitude, longitude), flips)
         self._spectator = self._add([0, "spectator", []], [0.0, 0.0, 30.0, 0.0, 0.0, 0.0])
         for number, signal in enumerate(
             re.findall(r'<signal id="([^"]+)"[^>]*dynamic="yes"', self._maps[name])

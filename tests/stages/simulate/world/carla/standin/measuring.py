@@ -1,4 +1,4 @@
-"""What the stand-in's sensors measure. Its LiDARs look at advpipe's ray-cast world."""
+"""What the stand-in's sensors measure. They look at advpipe's ray-cast world."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from collections.abc import Sequence
 import msgpack
 import numpy as np
 from actor import Actor
+from cameras import Cameras
 from geometry import geographic, matrix_of
 from library import SENSORS
+from radars import Radars
 
+from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 ROAD = 1
@@ -19,10 +22,14 @@ GRAVITY_MPS2 = 9.81
 
 
 class Instruments:
-    """origin_deg: latitude and longitude of the map. flips: whether latitude grows to the north."""
+    """scenario: of the world. origin_deg: latitude and longitude of the map. flips: whether latitude grows to
+    the north."""
 
-    def __init__(self, world: RaycastWorld, origin_deg: tuple[float, float], flips: bool) -> None:
+    def __init__(
+        self, world: RaycastWorld, scenario: Scenario, origin_deg: tuple[float, float], flips: bool
+    ) -> None:
         self._world, self._origin_deg, self.flips = world, origin_deg, flips
+        self._cameras, self._radars = Cameras(world, scenario), Radars(world)
         self._rng = np.random.default_rng(0)
 
     def measure(self, sensor: Actor, bodies: Sequence[Actor], step_s: float) -> bytes:
@@ -30,6 +37,10 @@ class Instruments:
             return msgpack.packb(geographic(sensor.pose, self._origin_deg, self.flips))
         if sensor.blueprint == "sensor.other.imu":
             return self._imu(sensor, step_s)
+        if sensor.blueprint == "sensor.other.radar":
+            return self._radars.detections(sensor, bodies, step_s)
+        if sensor.blueprint.startswith("sensor.camera."):
+            return self._cameras.picture(sensor, bodies)
         return self._lidar(sensor, bodies, step_s)
 
     def _imu(self, sensor: Actor, step_s: float) -> bytes:
