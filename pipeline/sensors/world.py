@@ -116,9 +116,12 @@ class ScanningSurroundings(Protocol):
 class RadarSurroundings(Protocol):
     """The surroundings in a world whose own radars measure."""
 
-    def radar_hits(self, name: str) -> Float64:
+    def radar_hits(self, name: str, radar_mps: Float64) -> Float64:
         """What the vehicle's radar `name` measures now (N, 4): range in metres, azimuth and elevation in
-        radians in its right-handed frame, and the rate of range in m/s."""
+        radians in its right-handed frame, and the rate of range in m/s.
+
+        radar_mps: (3,), its own velocity over the ground, in its own axes.
+        """
         ...
 
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
+from advpipe.pipeline.localisation.motion import MotionStep
 from advpipe.pipeline.messages.radar import RETURN_DTYPE, RadarReturns
 from advpipe.pipeline.sensors.radar import detection
 from advpipe.pipeline.sensors.radar.aim import Aim, Aiming
@@ -51,6 +52,12 @@ class Radar:
         width = resolutions(section)
         self.cell_width: Float64 = np.where(np.isfinite(width), width, 0.0)
         self._alpha = detection.threshold_factor(section.false_alarm_probability, section.cfar_cells)
+
+    def velocity_mps(self, motion: MotionStep) -> Float64:
+        """Its own velocity (3,) over the ground, in its own axes."""
+        lever_mps = np.cross(motion.turn_rate_radps, self.base_SE3_radar[:3, 3])
+        velocity: Float64 = self.base_SE3_radar[:3, :3].T @ (motion.base_velocity_mps + lever_mps)
+        return velocity
 
     def aim(self, boxes: Boxes, rng: np.random.Generator) -> Aim:
         """The rays of a scan, at boxes in the radar's frame and at all else."""

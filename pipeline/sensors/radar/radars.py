@@ -53,7 +53,7 @@ class Radars(MountedSensor[RadarSensor]):
         radar, world = self._radars[name], instant.world
         users = world.road_users(radar.section.range)
         if isinstance(world, RadarSurroundings):
-            returns = radar.returns_of_hits(world.radar_hits(name))
+            returns = radar.returns_of_hits(world.radar_hits(name, radar.velocity_mps(instant.motion)))
         else:
             returns = self._returns(name, instant, users)
         frame_id, stamp_ns = VehicleTopics(self._vehicle).sensor_frame(name), instant.stamp_ns
@@ -79,9 +79,7 @@ class Radars(MountedSensor[RadarSensor]):
         hits = instant.world.cast(rays, radar.section.range)
         turn_rate = self._turn_rates_radps(name, users, instant.stamp_ns)
         scatterers = radar.scatterers(aim, hits, boxes, turn_rate, rng)
-        lever_mps = np.cross(motion.turn_rate_radps, radar.base_SE3_radar[:3, 3])
-        velocity_mps = radar.base_SE3_radar[:3, :3].T @ (motion.base_velocity_mps + lever_mps)
-        return radar.measure(scatterers, velocity_mps, rng)
+        return radar.measure(scatterers, radar.velocity_mps(motion), rng)
 
     def _turn_rates_radps(self, name: str, users: Boxes, stamp_ns: int) -> Float64:
         """Turn rate (M,) of each road user since the last scan; 0 for a new one."""

@@ -60,22 +60,26 @@ class CarlaRadar:
         """Whether there is a scan at this frame of the drive."""
         return frame % self._steps == 0
 
-    def hits(self, data: Any, own: Boxes, others: Boxes, map_SE3_base: Float64) -> Float64:
+    def hits(
+        self, data: Any, own: Boxes, others: Boxes, map_SE3_base: Float64, radar_mps: Float64 | None
+    ) -> Float64:
         """What the radar measured (N, 4): range in metres, azimuth and elevation in radians in its
         right-handed frame, and the rate of range in m/s, positive for what moves away.
 
         data: a `carla.RadarMeasurement`. own: the carrier's box, on which hits are left out. others: the
-        other road users, with what CARLA lacks of their velocities: it knows none of a body that is moved
-        from outside. The radar's own velocity is that of its last step. Boxes are in the map frame.
+        other road users, with what the rate lacks of their velocities. Boxes are in the map frame. radar_mps:
+        (3,), the radar's own velocity in its own axes, where the rates are computed from that of a carrier
+        which is moved from outside; None where CARLA's rates are right for all that CARLA moves.
         """
         rows = np.frombuffer(data.raw_data, DETECTION)
         range_m, elevation = rows["depth"].astype(np.float64), rows["altitude"].astype(np.float64)
-        azimuth, rate_mps = -rows["azimuth"].astype(np.float64), rows["velocity"].astype(np.float64)
+        azimuth = -rows["azimuth"].astype(np.float64)
         level = np.cos(elevation)
         ahead = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=1)
         map_SE3_radar = map_SE3_base @ self.base_SE3_sensor
         directions = ahead @ map_SE3_radar[:3, :3].T
         points_m = transform_points(map_SE3_radar, ahead * range_m[:, None])
+        rate_mps = rows["velocity"].astype(np.float64) if radar_mps is None else -(ahead @ radar_mps)
         lacking_mps = np.zeros_like(points_m)
         bodies = points_in_boxes(points_m, _bodies(others))
         for inside, velocity_mps in zip(bodies, others.velocity_mps, strict=True):

@@ -141,6 +141,10 @@ class CarlaWorld:
         """The number of a road user's actor."""
         return self._actors[name]
 
+    def mirrors(self, name: str) -> bool:
+        """Whether a road user is moved from outside."""
+        return name in self._mirror.actors
+
     def reported_mps(self, name: str) -> Float64:
         """The velocity (3,) that CARLA knows of a road user; 0 for one that is moved from outside."""
         return vector_of(self._snapshot.find(self._actors[name]).get_velocity())
@@ -224,13 +228,17 @@ class CarlaSurroundings:
         actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
         return camera.picture(images, boxes, actors, self._carrier.map_SE3_base)
 
-    def radar_hits(self, name: str) -> Float64:
+    def radar_hits(self, name: str, radar_mps: Float64) -> Float64:
+        """See `RadarSurroundings`. CARLA takes the radar's velocity from its last step, and that of a body
+        which is moved from outside as 0: SUMO's velocities count for these."""
         radar, data = self._world.sensors(self._carrier.id).scan(name)
-        own = self._world.boxed(self._carrier)
-        others = self._within(radar.range_m)
-        lacking = [user.velocity_mps - self._world.reported_mps(user.id) for user in others]
-        boxes = replace(boxes_of(others), velocity_mps=np.array(lacking).reshape(-1, 3))
-        return radar.hits(data, boxes_of([own] if own else []), boxes, self._carrier.map_SE3_base)
+        own, others = self._world.boxed(self._carrier), boxes_of(self._within(radar.range_m))
+        pose, body = self._carrier.map_SE3_base, boxes_of([own] if own else [])
+        if self._world.mirrors(self._carrier.id):
+            return radar.hits(data, body, others, pose, radar_mps)
+        known_mps = np.array([self._world.reported_mps(user) for user in others.ids]).reshape(-1, 3)
+        lacking = replace(others, velocity_mps=others.velocity_mps - known_mps)
+        return radar.hits(data, body, lacking, pose, None)
 
     def sensed(self) -> SensedMotion:
         return self._world.sensors(self._carrier.id).sensed()

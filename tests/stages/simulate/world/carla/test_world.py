@@ -16,6 +16,7 @@ from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.radar import scan_from_cdr, xyz_of_returns
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.run import simulate
 
@@ -131,6 +132,10 @@ def test_carla_drives(server: Any, scenario_file: Path, tmp_path: Path) -> None:
         "sensors.lidars.lidar.range": 150,
     }
     keys |= {"sensors.gnss": {"white_stddev_m": 0, "drift_stddev_m": 0}}
+    keys |= {
+        "sensors.cameras": {"front": {"image_size_x": 96, "image_size_y": 64, "z_m": 2.4, "range": 200}},
+        "sensors.radars": {"radar": {"elevation_resolution_deg": 2, "points_per_second": 3000}},
+    }
     bag = drive(tmp_path / "driven", scenario_file, server, **keys)
     reader = BagReader(bag)
     truth = [message for _, message in reader.messages("/ego/ground_truth/odometry")]
@@ -146,6 +151,18 @@ def test_carla_drives(server: Any, scenario_file: Path, tmp_path: Path) -> None:
     for frame in frames:  # points on the own vehicle are left out
         near = np.abs(xyz(frame.cloud)) < (1.5, 0.7, 1.75)
         assert not near.all(axis=1).any()
+    images = list(reader.messages("/ego/front/image/compressed"))
+    assert len(images) == len(frames)
+    labelled = {
+        one.id for _, message in reader.messages("/ego/ground_truth/front/labels") for one in message.labels
+    }
+    assert labelled
+    for raw, message in zip(reader.raw_messages(["/ego/radar/scan"]), truth, strict=True):
+        returns = scan_from_cdr(raw.cdr).returns
+        ahead = xyz_of_returns(returns) / returns["range"][:, None]
+        on_road = returns["range"] * ahead[:, 2] < -0.48  # comes nearer, as fast as in the last step
+        rate_mps = np.median(returns["velocity"][on_road] / ahead[on_road, 0])
+        assert rate_mps == pytest.approx(-message.twist.twist.linear.x, abs=0.5)
     sent = {message.station_id for _, message in reader.messages("/v2x/sent")}
     assert len(sent) > 1
     assert server.state["managers"] == []

@@ -262,7 +262,6 @@ class Episode:
                 for one in self._actors.values()
                 if "sign_id" in one.values
             },
-            "sensors": [[one.blueprint, one.values] for one in self._actors.values() if one.sensor_type >= 0],
             "history": self._history,
         }
 
@@ -316,6 +315,7 @@ class Episode:
         actor = self._add(description, pose)
         if parent:
             actor.parent, actor.mount = self._actor(parent), matrix_of(pose)
+            self._history.append(["sensor", actor.blueprint, actor.values])
             actor.follow(pose_of(matrix_of(actor.parent.pose) @ actor.mount))
         return actor
 
