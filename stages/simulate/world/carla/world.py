@@ -17,6 +17,7 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, invert
 from advpipe.pipeline.localisation.measurements import SensedMotion
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.pipeline.sensors.camera.daylight import sun_direction
 from advpipe.pipeline.sensors.camera.world_pictures import Picture
 from advpipe.pipeline.sensors.world import Hits, Offer, Scan
 from advpipe.stages.simulate.bodies import Variant
@@ -88,7 +89,9 @@ class CarlaWorld:
         self._session = Session(self._client, world, step_s)
         opened.callback(self._attempt, self._session.end)
         self._session.begin()
-        world.set_weather(carla_weather(scenario.environment.weather))
+        origin, start_ns = scenario.map.origin, scenario.simulation.stamp_ns(0)
+        sun = sun_direction(start_ns, origin.latitude_deg, origin.longitude_deg)
+        world.set_weather(carla_weather(scenario.environment.weather, sun))
         blueprints = Blueprints(world.get_blueprint_library(), scenario.carla.blueprints)
         blueprints.measure(self._client, self._session, self._variants.values())
         self._drivers = TrafficManagerDrivers(self._client, world, scenario, blueprints)

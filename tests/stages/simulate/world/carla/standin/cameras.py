@@ -37,7 +37,7 @@ class Cameras:
         self._shading = Shading(SkyMap(daylight, named_generator(clock.seed, "sky")))
         self._photographers: dict[int, Photographer] = {}
 
-    def picture(self, sensor: Actor, bodies: Sequence[Actor]) -> bytes:
+    def picture(self, sensor: Actor, bodies: Sequence[Actor], further: int) -> bytes:
         """Width, height, field of view, and the pixels: blue, green, red, alpha.
 
         The carrier's own body is left out, as a camera within a body does not see it.
@@ -67,7 +67,8 @@ class Cameras:
             rgb = Exposure(section, np.random.default_rng(0)).develop(radiance, np.random.default_rng(0))
         else:
             by_name = {user.id: number for number, user in users.items()}
-            numbers = np.array([by_name.get(name, 0) for name in boxes.ids] + [carrier_like(users)])
+            numbers = np.array([by_name.get(name, 0) + further for name in boxes.ids] + [min(users)])
+            # What stands still has a number of Unreal's, which may be that of an actor: the last one.
             rgb = self._coded(sensor, layers, numbers).reshape(section.image_size_y, section.image_size_x, 3)
         pixels = np.full((*rgb.shape[:2], 4), 255, np.uint8)
         pixels[:, :, :3] = rgb[:, :, ::-1]
@@ -88,8 +89,3 @@ class Cameras:
             seen = np.where(layers.tags == TAG["Sky"], 0, numbers[layers.objects])
             coded[:, 1], coded[:, 2] = seen & 255, seen >> 8 & 255
         return coded
-
-
-def carrier_like(users: dict[int, object]) -> int:
-    """What stands still has a number of Unreal's, which may be that of an actor."""
-    return min(users)

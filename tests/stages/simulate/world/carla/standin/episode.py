@@ -26,7 +26,7 @@ DEFAULTS = [False, False, NO_STEP, True, 0.01, 10, 0.0, True, 3000.0, 2000.0, Tr
 
 
 class Episode:
-    """faults: `version`, and after how many ticks it is `silent_after` or has to `die_after`; `flips`."""
+    """faults: `version`, after how many ticks it is `silent_after` or to `die_after`; see `Instruments`."""
 
     def __init__(
         self,
@@ -245,7 +245,7 @@ class Episode:
     def test_faults(self, faults: dict[str, Any]) -> None:
         """Replace the faults, and count ticks anew."""
         self._faults, self._ticks = faults, 0
-        self._instruments.flips = bool(faults.get("flips"))
+        self._instruments.faults = faults
 
     def test_state(self) -> dict[str, Any]:
         """What a test wants to know."""
@@ -272,8 +272,7 @@ class Episode:
         self._actors: dict[int, Actor] = {}
         origin = [re.search(rf"\+{key}=([-+.\de]+)", self._maps[name]) for key in ("lat_0", "lon_0")]
         latitude, longitude = (float(found[1]) if found else 0.0 for found in origin)
-        flips = bool(self._faults.get("flips"))
-        self._instruments = Instruments(self._world, self._scenario, (latitude, longitude), flips)
+        self._instruments = Instruments(self._world, self._scenario, (latitude, longitude), self._faults)
         self._spectator = self._add([0, "spectator", []], [0.0, 0.0, 30.0, 0.0, 0.0, 0.0])
         for number, signal in enumerate(
             re.findall(r'<signal id="([^"]+)"[^>]*dynamic="yes"', self._maps[name])

@@ -21,7 +21,7 @@ class Radars:
         self._world = world
         self._rng = np.random.default_rng(1)
 
-    def detections(self, sensor: Actor, bodies: Sequence[Actor], step_s: float) -> bytes:
+    def detections(self, sensor: Actor, bodies: Sequence[Actor], step_s: float, sign: int) -> bytes:
         """Velocity (positive: moves away), azimuth (positive: right), altitude and depth of each hit."""
         reach_m = float(sensor.values["range"])
         across, up = (
@@ -46,7 +46,7 @@ class Radars:
         sensor.past = [*sensor.past, sensor.pose[:3].copy()][-2:]
         own_mps = (sensor.past[-1] - sensor.past[0]) / step_s
         rows = np.zeros(count, DETECTION)
-        rows["velocity"] = ((velocities[struck] - own_mps) * directions).sum(axis=1)
+        rows["velocity"] = sign * ((velocities[struck] - own_mps) * directions).sum(axis=1)
         rows["azimuth"], rows["altitude"] = np.arctan2(ahead[:, 1], ahead[:, 0]), np.arcsin(ahead[:, 2])
         rows["depth"] = hits.range_m
         return rows[hits.range_m <= reach_m * length].tobytes()
