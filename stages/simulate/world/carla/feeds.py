@@ -52,6 +52,12 @@ class Feed:
             return False
         return True
 
+    def skip(self) -> None:
+        """Drop what has arrived."""
+        with suppress(queue.Empty):
+            while True:
+                self._queue.get_nowait()
+
     def take(self, frame: int, timeout_s: float) -> Any:
         """The measurement of a frame. Raises AdvpipeError if it is lost, or late."""
         until_s = time.monotonic() + timeout_s

@@ -124,6 +124,7 @@ class VehicleSensors:
         for (name, blueprint), feed in self._feeds.items():
             sensor = self._mounted.get(name)
             if sensor is not None and not sensor.is_due(frame):
+                feed.skip()
                 continue
             data = feed.take(carla_frame, self._timeout_s)
             expected = map_SE3_base if sensor is None else map_SE3_base @ sensor.base_SE3_sensor

@@ -180,7 +180,7 @@ class CarlaWorld:
         """A vehicle whose trajectory has ended takes its sensors along."""
         if name in self._drivers.actors:
             raise AdvpipeError(f"the actor of {name} has disappeared from CARLA in frame {frame}")
-        self._sensors.pop(name).stop()
+        self._destroy(self._sensors.pop(name).stop())
 
     def _attempt(self, step: Callable[[], None]) -> None:
         """One step of the clean-up. If the server is gone, its actors are, too, and nothing waits for it."""
@@ -191,9 +191,11 @@ class CarlaWorld:
             self._client.set_timeout(LOST_TIMEOUT_S)
 
     def _remove_sensors(self) -> None:
+        self._destroy([actor for sensors in self._sensors.values() for actor in sensors.stop()])
+
+    def _destroy(self, actors: Sequence[int]) -> None:
         import carla
 
-        actors = [actor for sensors in self._sensors.values() for actor in sensors.stop()]
         self._client.apply_batch_sync([carla.command.DestroyActor(actor) for actor in actors], False)
 
     def _remove_mirrored(self) -> None:

@@ -15,10 +15,14 @@ import pytest
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.radar import scan_from_cdr, xyz_of_returns
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.bodies import draw_variants
+from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.run import simulate
+from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 pytestmark = pytest.mark.oracle
 
@@ -215,6 +219,45 @@ def test_a_second_client_that_ticks_is_noticed(server: Any, scenario_file: Path,
         drive(tmp_path / "out", scenario_file, server)
     assert server.state["synchronous"] is False
     assert server.bodies() == []
+
+
+def test_first_measurements_may_be_lost(server: Any, scenario_file: Path, tmp_path: Path) -> None:
+    """A real server loses those of the first ticks after a subscription."""
+    keys = {"simulation.duration_s": 0.2}
+    whole = list(read_frames(drive(tmp_path / "whole", scenario_file, server, **keys)))
+    server.faults(loses=list(range(1, 13)))
+    later = list(read_frames(drive(tmp_path / "later", scenario_file, server, **keys)))
+    for one, other in zip(whole, later, strict=True):
+        assert one.cloud.tobytes() == other.cloud.tobytes()
+
+
+@pytest.mark.nightly  # waits
+def test_a_lost_measurement_is_noticed_by_its_frame(server: Any, scenario_file: Path, tmp_path: Path) -> None:
+    """None of another frame takes its place."""
+    server.faults(loses=[12])
+    with pytest.raises(
+        AdvpipeError, match=r"CARLA's sensor .* of ego.* sent nothing for frame \d+ within 12 s"
+    ):
+        drive(tmp_path / "out", scenario_file, server, **{"simulation.duration_s": 1, "carla.timeout_s": 12})
+    assert server.state["synchronous"] is False
+    assert server.bodies() == []
+
+
+def test_a_vehicle_that_leaves_takes_its_sensors_along(
+    server: Any, scenario_file: Path, tmp_path: Path
+) -> None:
+    from advpipe.stages.simulate.world.carla.world import CarlaWorld
+
+    scenario = load_scenario(scenario_file, {"carla.server": server.address})
+    variants = draw_variants(np.random.default_rng(3), scenario.bodies)
+    network = load_network(scenario.map, tmp_path, scenario.simulation.seed)
+    ego = RoadUser("ego", variants["sedan.0"], se3_from_yaw([20.0, 30.0, 0.0], 0.0), np.zeros(3))
+    with CarlaWorld(scenario, network, variants) as world:
+        world.advance(0, [ego], {})
+        assert sum("sensor" in one[1] for one in server.state["actors"]) == 3
+        world.advance(1, [], {})
+        assert not any("sensor" in one[1] for one in server.state["actors"])
+        assert server.bodies() == []
 
 
 def test_a_place_that_is_taken_in_the_air(server: Any, scenario_file: Path, tmp_path: Path) -> None:

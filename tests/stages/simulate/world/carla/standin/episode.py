@@ -26,7 +26,8 @@ DEFAULTS = [False, False, NO_STEP, True, 0.01, 10, 0.0, True, 3000.0, 2000.0, Tr
 
 
 class Episode:
-    """faults: `version`, after how many ticks it is `silent_after` or to `die_after`; see `Instruments`."""
+    """faults: `version`, after how many ticks it is `silent_after` or to `die_after`; the ticks
+    whose measurements it `loses`. See also `Instruments`."""
 
     def __init__(
         self,
@@ -73,6 +74,8 @@ class Episode:
         head = snapshot_head(self._episode, step_s, self._is_new_map)
         self.streams.send(WORLD_STREAM, header + head + b"".join(states))
         self._is_new_map = False
+        if self._ticks in self._faults.get("loses", ()):
+            return
         bodies = [actor for actor in actors if actor.variant is not None]
         for actor in actors:
             if actor.sensor_type >= 0 and self.streams.has_listener(self._stream(actor)):
