@@ -150,7 +150,8 @@ class CarlaWorld:
 
     def reported_mps(self, name: str) -> Float64:
         """The velocity (3,) that CARLA knows of a road user; 0 for one that is moved from outside."""
-        return vector_of(self._snapshot.find(self._actors[name]).get_velocity())
+        state = self._snapshot.find(self._actors[name])
+        return np.zeros(3) if state is None else vector_of(state.get_velocity())
 
     def sensors(self, vehicle: str) -> VehicleSensors:
         """The sensors of an instrumented vehicle."""

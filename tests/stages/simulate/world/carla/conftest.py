@@ -168,7 +168,7 @@ def sight(
     from advpipe.stages.simulate.run import simulate
 
     folder = tmp_path_factory.mktemp("sight")
-    keys = {**SIGHT, "world": "carla", "carla.server": shared_server.address}
+    keys = {**SIGHT, "world": "carla", "carla.server": shared_server.address, "carla.timeout_s": 60}
     simulate(load_scenario(scenario_file, keys), folder / "carla")
     state = shared_server.state
     simulate(load_scenario(scenario_file, SIGHT), folder / "embedded")

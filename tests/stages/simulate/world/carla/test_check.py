@@ -19,7 +19,8 @@ pytestmark = pytest.mark.oracle
 @pytest.fixture
 def loaded(server: Any, scenario_file: Path, tmp_path: Path) -> Any:
     """A server with the generated map, and two vehicles of another client's."""
-    keys = {"world": "carla", "carla.server": server.address, "simulation.duration_s": 0.1}
+    keys = {"world": "carla", "carla.server": server.address, "carla.timeout_s": 60}
+    keys["simulation.duration_s"] = 0.1
     simulate(load_scenario(scenario_file, keys), tmp_path / "drive")
     return server
 
@@ -27,7 +28,7 @@ def loaded(server: Any, scenario_file: Path, tmp_path: Path) -> Any:
 def findings_of(server: Any) -> dict[str, tuple[bool, str]]:
     from advpipe.stages.simulate.world.carla.check import CarlaCheck
 
-    found = CarlaCheck(Carla(server=server.address, timeout_s=5)).run()
+    found = CarlaCheck(Carla(server=server.address, timeout_s=60)).run()
     return {one.name: (one.is_good, one.seen) for one in found}
 
 

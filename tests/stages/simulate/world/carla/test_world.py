@@ -30,7 +30,7 @@ COLUMNS = 600
 
 
 def drive(out: Path, scenario_file: Path, server: Any = None, **settings: object) -> Path:
-    keys = {} if server is None else {"world": "carla", "carla.server": server.address}
+    keys = {} if server is None else {"world": "carla", "carla.server": server.address, "carla.timeout_s": 60}
     simulate(load_scenario(scenario_file, {**keys, **settings}), out)
     return out / "clean"
 
