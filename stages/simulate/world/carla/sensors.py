@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -106,14 +107,22 @@ class VehicleSensors:
         self._projection = GnssProjection(world.get_map())
 
     def await_first(self, tick: Callable[[], object], timeout_s: float) -> None:
-        """Tick until each sensor has sent something. Raises AdvpipeError if one does not."""
+        """Tick until each sensor has sent something; then wait, as the first pictures of a scene take long.
+
+        Raises AdvpipeError if one sends nothing.
+        """
         silent = list(self._feeds.values())
         for _ in range(FIRST_TICKS):
             tick()
             silent = [feed for feed in silent if not feed.has_sent(POLL_S)]
             if not silent:
                 return
-        raise AdvpipeError(f"CARLA's sensor {silent[0].name} sends nothing, after {FIRST_TICKS} ticks")
+        until_s = time.monotonic() + timeout_s
+        for feed in silent:
+            if not feed.has_sent(max(until_s - time.monotonic(), 0.0)):
+                raise AdvpipeError(
+                    f"CARLA's sensor {feed.name} sends nothing, after {FIRST_TICKS} ticks and {timeout_s:g} s"
+                )
 
     def take(self, carla_frame: int, frame: int, map_SE3_base: Float64) -> None:
         """Read the measurements of a frame, of the sensors that are due.

@@ -13,27 +13,24 @@ import shapely
 
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.core.verbosity import detail, notice
-from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.geometry.transforms import Float64, invert
-from advpipe.pipeline.localisation.measurements import SensedMotion
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.camera.daylight import sun_direction
-from advpipe.pipeline.sensors.camera.world_pictures import Picture
-from advpipe.pipeline.sensors.world import Hits, Offer, Scan
+from advpipe.pipeline.sensors.world import Offer
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.road_network.roads import Roads, lay_out_roads
-from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
+from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.carla.actors import CarlaActors, TrafficManagerDrivers
 from advpipe.stages.simulate.world.carla.blueprints import Blueprints
 from advpipe.stages.simulate.world.carla.client import carla_errors, connect
-from advpipe.stages.simulate.world.carla.lidar import Float32
 from advpipe.stages.simulate.world.carla.maps import load_map
 from advpipe.stages.simulate.world.carla.mirror import Mirror
 from advpipe.stages.simulate.world.carla.poses import ActorBox, vector_of
 from advpipe.stages.simulate.world.carla.sensors import VehicleSensors, check_sensor
 from advpipe.stages.simulate.world.carla.session import Session, check_step
 from advpipe.stages.simulate.world.carla.signals import Signals
+from advpipe.stages.simulate.world.carla.surroundings import CarlaSurroundings
 from advpipe.stages.simulate.world.carla.weather import carla_weather
 
 CLEANUP_TIMEOUT_S = 2.0
@@ -203,57 +200,3 @@ class CarlaWorld:
         """Also tick, so that Traffic Manager learns that it has been released, before it is shut down."""
         self._mirror.remove_all()
         self._session.world.tick()
-
-
-class CarlaSurroundings:
-    """See `Surroundings`, `ScanningSurroundings`, `PicturingSurroundings`, `RadarSurroundings` and
-    `SensingSurroundings`."""
-
-    def __init__(self, world: CarlaWorld, carrier: RoadUser, users: Sequence[RoadUser]) -> None:
-        self._world, self._carrier, self._users = world, carrier, users
-
-    def road_users(self, range_m: float) -> Boxes:
-        return boxes_of(self._within(range_m))
-
-    def cast(self, rays: Float32, range_m: float) -> Hits:
-        """Raises RuntimeError: CARLA casts the rays of its own sensors only."""
-        raise RuntimeError("the world carla casts no rays; it offers scans")
-
-    def scan(self, name: str, range_m: float) -> Scan:
-        boxes = self.road_users(range_m)
-        sensors = self._world.sensors(self._carrier.id)
-        lidar, data, truth = sensors.turn(name)
-        cloud, _ = lidar.cloud(data, truth, self._world.actor(self._carrier.id))
-        actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
-        map_SE3_lidar = self._carrier.map_SE3_base @ lidar.base_SE3_sensor
-        occlusion = lidar.turn(truth).occlusion(boxes.transformed(invert(map_SE3_lidar)), actors)
-        return Scan(cloud, occlusion)
-
-    def picture(self, name: str, boxes: Boxes) -> Picture:
-        camera, images = self._world.sensors(self._carrier.id).pictures(name)
-        actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
-        return camera.picture(images, boxes, actors, self._carrier.map_SE3_base)
-
-    def radar_hits(self, name: str, radar_mps: Float64) -> Float64:
-        """See `RadarSurroundings`. CARLA takes the radar's velocity from its last step, and that of a body
-        which is moved from outside as 0: SUMO's velocities count for these."""
-        radar, data = self._world.sensors(self._carrier.id).scan(name)
-        own, others = self._world.boxed(self._carrier), boxes_of(self._within(radar.range_m))
-        pose, body = self._carrier.map_SE3_base, boxes_of([own] if own else [])
-        if self._world.mirrors(self._carrier.id):
-            return radar.hits(data, body, others, pose, radar_mps)
-        known_mps = np.array([self._world.reported_mps(user) for user in others.ids]).reshape(-1, 3)
-        lacking = replace(others, velocity_mps=others.velocity_mps - known_mps)
-        return radar.hits(data, body, lacking, pose, None)
-
-    def sensed(self) -> SensedMotion:
-        return self._world.sensors(self._carrier.id).sensed()
-
-    def _within(self, range_m: float) -> list[RoadUser]:
-        """The road users within the range that CARLA shows, without the carrier, in their sizes there."""
-        near = []
-        for user in self._users:
-            away_m = np.linalg.norm(user.position_m - self._carrier.position_m)
-            if user.id != self._carrier.id and away_m <= range_m:
-                near.append(self._world.boxed(user))
-        return [user for user in near if user is not None]

@@ -232,13 +232,21 @@ def test_first_measurements_may_be_lost(server: Any, scenario_file: Path, tmp_pa
 
 
 @pytest.mark.nightly  # waits
-def test_a_lost_measurement_is_noticed_by_its_frame(server: Any, scenario_file: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("ticks", "message"),
+    [
+        ([12], r"CARLA's sensor .* of ego.* sent nothing for frame \d+ within 12 s"),
+        (list(range(200)), r"CARLA's sensor .* of ego.* sends nothing, after 20 ticks and 12 s"),
+    ],
+)
+def test_a_lost_measurement_is_noticed_by_its_frame(
+    ticks: list[int], message: str, server: Any, scenario_file: Path, tmp_path: Path
+) -> None:
     """None of another frame takes its place."""
-    server.faults(loses=[12])
-    with pytest.raises(
-        AdvpipeError, match=r"CARLA's sensor .* of ego.* sent nothing for frame \d+ within 12 s"
-    ):
-        drive(tmp_path / "out", scenario_file, server, **{"simulation.duration_s": 1, "carla.timeout_s": 12})
+    server.faults(loses=ticks)
+    keys = {"simulation.duration_s": 1, "carla.timeout_s": 12}
+    with pytest.raises(AdvpipeError, match=message):
+        drive(tmp_path / "out", scenario_file, server, **keys)
     assert server.state["synchronous"] is False
     assert server.bodies() == []
 
