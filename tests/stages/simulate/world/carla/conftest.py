@@ -159,6 +159,12 @@ SIGHT = {
 """Two cameras and a radar, of which the embedded world's pictures have no noise either."""
 
 
+@pytest.fixture
+def sight_settings() -> dict[str, Any]:
+    """The settings of `sight`."""
+    return SIGHT
+
+
 @pytest.fixture(scope="session")
 def sight(
     shared_server: StandIn, scenario_file: Path, tmp_path_factory: pytest.TempPathFactory
