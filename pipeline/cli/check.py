@@ -23,7 +23,7 @@ def check_command(
 ) -> Answer:
     """Try what a drive needs of a running simulator, one line a check; exit code 1 if one fails.
 
-    It spawns two cars and four sensors on the loaded map, and leaves the server as it was.
+    It spawns two cars and nine sensors on the loaded map, and leaves the server as it was.
     """
     from pydantic import ValidationError
 

@@ -8,11 +8,15 @@ from collections.abc import Mapping
 ADVPIPE, CARLA_ROS_BRIDGE = "advpipe", "carla_ros_bridge"
 
 _NAME = "[a-z][a-z0-9_]*"
+_TRUTH = "depth|semantic_segmentation|instance_segmentation"
 
 PUBLISHED_NAMES: Mapping[str, tuple[tuple[re.Pattern[str], str], ...]] = {
     ADVPIPE: (),
     CARLA_ROS_BRIDGE: (
         (re.compile(f"/({_NAME})/({_NAME})/points"), r"/carla/\1/\2"),
+        (re.compile(f"/({_NAME})/({_NAME})/image/compressed"), r"/carla/\1/\2/image"),
+        (re.compile(f"/({_NAME})/({_NAME})/camera_info"), r"/carla/\1/\2/camera_info"),
+        (re.compile(f"/({_NAME})/(?:rgb_)?({_NAME})/({_TRUTH})/compressed"), r"/carla/\1/\3_\2/image"),
         (re.compile(f"/({_NAME})/imu"), r"/carla/\1/imu"),
         (re.compile(f"/({_NAME})/gnss/fix"), r"/carla/\1/gnss"),
         (re.compile(f"/({_NAME})/ground_truth/odometry"), r"/carla/\1/odometry"),
@@ -20,8 +24,9 @@ PUBLISHED_NAMES: Mapping[str, tuple[tuple[re.Pattern[str], str], ...]] = {
 }
 """Patterns of whole names, and what replaces them, by the value of `recording.names`.
 
-Of CARLA's ROS bridge, these topics have the same types as ours; its odometry is the truth. Its objects,
-collisions and vehicle status have types of its own, and are not among them.
+Of CARLA's ROS bridge, these topics have the same types as ours, or are converted while they are published
+(see `bridge_messages`); its odometry is the truth. Its objects, collisions and vehicle status have types of
+its own, and are not among them.
 """
 
 

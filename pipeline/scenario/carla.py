@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from advpipe.pipeline.core.section import Positive, Reference, Section, Whole
 
 Blueprint = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=200)]
+
+MOST_PORT = 65535
 
 
 class Carla(Section):
@@ -32,6 +34,14 @@ class Carla(Section):
     traffic_manager_port: Whole = Field(
         8000,
         ge=1,
-        le=65535,
+        le=MOST_PORT,
         description="port of the Traffic Manager, which drives vehicles of CARLA",
     )
+
+    @field_validator("server")
+    @classmethod
+    def _port(cls, server: str) -> str:
+        port = int(server.rpartition(":")[2])
+        if not 0 < port <= MOST_PORT:
+            raise ValueError(f"port {port} is not between 1 and {MOST_PORT}")
+        return server

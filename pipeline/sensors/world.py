@@ -9,13 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import Boxes
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import Cloud
 
 Float32 = npt.NDArray[np.float32]
 
-Offer = Literal["road users", "rays", "scans", "surfaces"]
+Offer = Literal["road users", "rays", "scans", "surfaces", "pictures", "radar hits"]
 """Names a method of `Surroundings`: sensors declare which they need, and a world which it offers. `scans`: of
-`ScanningSurroundings`; `surfaces`: of `VisibleSurroundings`."""
+`ScanningSurroundings`; `surfaces`: of `VisibleSurroundings`; `pictures`: of `PicturingSurroundings`; `radar
+hits`: of `RadarSurroundings`."""
 
 
 SURFACES = (
@@ -107,6 +109,19 @@ class ScanningSurroundings(Protocol):
 
     def scan(self, name: str, range_m: float) -> Scan:
         """The turn of the vehicle's LiDAR `name` that ends now; M as in `road_users(range_m)`."""
+        ...
+
+
+@runtime_checkable
+class RadarSurroundings(Protocol):
+    """The surroundings in a world whose own radars measure."""
+
+    def radar_hits(self, name: str, radar_mps: Float64) -> Float64:
+        """What the vehicle's radar `name` measures now (N, 4): range in metres, azimuth and elevation in
+        radians in its right-handed frame, and the rate of range in m/s.
+
+        radar_mps: (3,), its own velocity over the ground, in its own axes.
+        """
         ...
 
 

@@ -9,6 +9,7 @@ from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.camera.section import CameraSensor
 from advpipe.pipeline.sensors.sensor import Cadence, DriveSettings, Instant, MountedSensor, Panel, Reading
+from advpipe.pipeline.sensors.world import Offer
 
 if TYPE_CHECKING:
     from advpipe.pipeline.sensors.camera.rig import CameraRig
@@ -50,6 +51,11 @@ class Cameras(MountedSensor[CameraSensor]):
             )
         ]
         return Reading(messages, road_users=boxes.ids)
+
+    @classmethod
+    def missing_from(cls, offers: frozenset[Offer]) -> list[Offer]:
+        """A world's own pictures replace surfaces."""
+        return super().missing_from(offers | {"surfaces"} if "pictures" in offers else offers)
 
     @classmethod
     def topics(cls, vehicle: str, name: str) -> tuple[Topic, ...]:

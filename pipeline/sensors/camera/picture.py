@@ -210,8 +210,8 @@ class _FirstPass:
             seen = ~np.isin(alone_pixels, blind)
             alone_pixels, alone_users = alone_pixels[seen], alone_users[seen]
         own = np.flatnonzero(self.objects >= 0)
-        visible, visible_px = _extents(own, self.objects[own].astype(np.int64), self._users, width)
-        alone, alone_px = _extents(alone_pixels, alone_users, self._users, width)
+        visible, visible_px = extents(own, self.objects[own].astype(np.int64), self._users, width)
+        alone, alone_px = extents(alone_pixels, alone_users, self._users, width)
         return Layers(self.range_m, self.tags, self.objects, visible, alone, visible_px, alone_px)
 
     def edges(self, width: int, height: int) -> npt.NDArray[np.bool_]:
@@ -231,14 +231,17 @@ class _FirstPass:
         return edges.ravel()
 
 
-def _extents(pixels: Int64, users: Int64, count: int, width: int) -> tuple[Int64, Int64]:
-    """Number of pixels of each user, and their first and last column and row (M, 4)."""
-    extents = np.full((count, 4), -1, np.int64)
+def extents(pixels: Int64, users: Int64, count: int, width: int) -> tuple[Int64, Int64]:
+    """Number (M,) of pixels of each user, and their first and last column and row (M, 4); -1 for none.
+
+    pixels, users: (N,), pairs of a pixel, row by row, and a user in it.
+    """
+    edges = np.full((count, 4), -1, np.int64)
     low = np.full((2, count), np.iinfo(np.int64).max)
     column, row = pixels % width, pixels // width
     for axis, place in enumerate((column, row)):
         np.minimum.at(low[axis], users, place)
-        np.maximum.at(extents[:, 2 + axis], users, place)
+        np.maximum.at(edges[:, 2 + axis], users, place)
     numbers = np.bincount(users, minlength=count)
-    extents[:, :2] = np.where(numbers > 0, low, -1).T
-    return numbers, extents
+    edges[:, :2] = np.where(numbers > 0, low, -1).T
+    return numbers, edges

@@ -22,6 +22,7 @@ from advpipe.pipeline.sensors.camera.section import CameraSensor
 from advpipe.pipeline.sensors.camera.shading import Shading
 from advpipe.pipeline.sensors.camera.sky_map import SkyMap
 from advpipe.pipeline.sensors.camera.surfaces import VisibleSurroundings
+from advpipe.pipeline.sensors.camera.world_pictures import Picture, PicturingSurroundings
 from advpipe.pipeline.sensors.lidar.sweep import mounting, poses_at
 from advpipe.pipeline.sensors.sensor import DriveSettings, Instant
 
@@ -86,15 +87,24 @@ class CameraRig:
         return views, by_range[range_m]
 
     def _view(self, name: str, section: CameraSensor, instant: Instant, boxes: Boxes) -> CameraView:
+        lens, map_SE3_base = self._photographers[name].lens, instant.motion.map_SE3_base
+        if isinstance(instant.world, PicturingSurroundings):
+            picture = instant.world.picture(name, boxes)
+        else:
+            picture = self._picture(name, section, instant, boxes)
+        map_SE3_optical = map_SE3_base @ self.base_SE3_optical(name)
+        objects = tuple(image_objects(boxes, picture.layers, lens, map_SE3_optical))
+        return CameraView(lens, picture.rgb, picture.layers, objects, boxes.ids)
+
+    def _picture(self, name: str, section: CameraSensor, instant: Instant, boxes: Boxes) -> Picture:
         world, motion = cast(VisibleSurroundings, instant.world), instant.motion
         photographer, optical = self._photographers[name], self.base_SE3_optical(name)
         view = View(motion.map_SE3_base @ optical, motion.map_SE3_base)
         has_colour = "rgb" in section.images
         shading, sky = self._light(instant.stamp_ns)
         radiance, layers = photographer.take(world, view, boxes.geometry, shading if has_colour else None)
-        objects = tuple(image_objects(boxes, layers, photographer.lens, view.map_SE3_optical))
         if radiance is None:
-            return CameraView(photographer.lens, None, layers, objects, boxes.ids)
+            return Picture(None, layers)
         exposure_s = section.motion_blur_intensity / section.shutter_speed
         twist = np.concatenate([motion.base_velocity_mps, motion.turn_rate_radps])
         if exposure_s:
@@ -116,8 +126,7 @@ class CameraRig:
             sky.horizon,
             rng,
         )
-        rgb = self._exposures[name].develop(radiance, rng)
-        return CameraView(photographer.lens, rgb, layers, objects, boxes.ids)
+        return Picture(self._exposures[name].develop(radiance, rng), layers)
 
     def _light(self, stamp_ns: int) -> tuple[Shading, SkyMap]:
         """The light at a time; the sky's picture is made anew now and then."""

@@ -14,12 +14,21 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, se3_from_yaw
+from advpipe.pipeline.localisation.motion import MotionStep
 from advpipe.pipeline.messages.radar import RETURN_DTYPE, RadarReturns
 from advpipe.pipeline.sensors.radar import detection
 from advpipe.pipeline.sensors.radar.aim import Aim, Aiming
 from advpipe.pipeline.sensors.radar.mirrors import barrier_facets, mirror_images
 from advpipe.pipeline.sensors.radar.propagation import Propagation
-from advpipe.pipeline.sensors.radar.resolution import are_peaks, fill_cells, folded, resolutions
+from advpipe.pipeline.sensors.radar.resolution import (
+    ELEVATION,
+    RANGE,
+    VELOCITY,
+    are_peaks,
+    fill_cells,
+    folded,
+    resolutions,
+)
 from advpipe.pipeline.sensors.radar.scatterers import Scatterers, beneath_vehicles, scatterers_of
 from advpipe.pipeline.sensors.radar.section import RadarSensor
 from advpipe.pipeline.sensors.weather import Weather
@@ -43,6 +52,12 @@ class Radar:
         width = resolutions(section)
         self.cell_width: Float64 = np.where(np.isfinite(width), width, 0.0)
         self._alpha = detection.threshold_factor(section.false_alarm_probability, section.cfar_cells)
+
+    def velocity_mps(self, motion: MotionStep) -> Float64:
+        """Its own velocity (3,) over the ground, in its own axes."""
+        lever_mps = np.cross(motion.turn_rate_radps, self.base_SE3_radar[:3, 3])
+        velocity: Float64 = self.base_SE3_radar[:3, :3].T @ (motion.base_velocity_mps + lever_mps)
+        return velocity
 
     def aim(self, boxes: Boxes, rng: np.random.Generator) -> Aim:
         """The rays of a scan, at boxes in the radar's frame and at all else."""
@@ -136,6 +151,18 @@ class Radar:
         places = rng.uniform(-1, 1, (count, 4)) * half
         places[:, 0] += section.range / 2
         return power, places
+
+    def returns_of_hits(self, hits: Float64) -> RadarReturns:
+        """Returns, by range, of what another simulator's radar measured without power, (N, 4): each has the
+        power of a target of 1 m² in its place, so that the RCS is 0 dBsm. The first `max_returns` are kept.
+        """
+        measured = folded(self.section, hits)
+        if not self.section.elevation_resolution_deg:
+            measured[:, ELEVATION] = 0.0
+        measured = measured[(measured[:, RANGE] > 0) & (measured[:, RANGE] <= self.section.range)]
+        measured = measured[: self.section.max_returns]
+        measured = measured[np.argsort(measured[:, RANGE], kind="stable")]
+        return self.as_returns(measured, self.propagation.snr_of_1m2(*measured[:, :VELOCITY].T))
 
     def _listed(self, measured: Float64, power: Float64) -> RadarReturns:
         """The returns of the largest RCS, as many as the list holds, by range."""

@@ -9,9 +9,11 @@ import numpy as np
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64, wrap_angle
 from advpipe.pipeline.mcap.channel import StampedCdr, Topic
+from advpipe.pipeline.messages.radar import RadarReturns
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.radar.section import MOST_RADAR_RAYS, RadarSensor
 from advpipe.pipeline.sensors.sensor import Cadence, DriveSettings, Instant, MountedSensor, Panel, Reading
+from advpipe.pipeline.sensors.world import Offer, RadarSurroundings
 
 RETURN_BYTES = 20 + 24
 
@@ -46,26 +48,14 @@ class Radars(MountedSensor[RadarSensor]):
         return Reading(messages, road_users=sorted(seen))
 
     def _scan(self, name: str, instant: Instant) -> tuple[list[StampedCdr], set[str]]:
-        from advpipe.pipeline.core.seeding import named_generator
-        from advpipe.pipeline.geometry.transforms import invert
         from advpipe.pipeline.messages.radar import radar_cloud_to_cdr, scan_to_cdr
 
-        radar, motion = self._radars[name], instant.motion
-        rng = named_generator(self._drive.seed, "radar", self._vehicle, name, instant.frame)
-        range_m = radar.section.range
-        users = instant.world.road_users(range_m)
-        map_SE3_radar = motion.map_SE3_base @ radar.base_SE3_radar
-        boxes = users.transformed(invert(map_SE3_radar))
-        aim = radar.aim(boxes, rng)
-        rays = np.empty((len(aim.directions), 6), np.float32)
-        rays[:, :3] = map_SE3_radar[:3, 3]
-        rays[:, 3:] = aim.directions @ map_SE3_radar[:3, :3].T
-        hits = instant.world.cast(rays, range_m)
-        turn_rate = self._turn_rates_radps(name, users, instant.stamp_ns)
-        scatterers = radar.scatterers(aim, hits, boxes, turn_rate, rng)
-        lever_mps = np.cross(motion.turn_rate_radps, radar.base_SE3_radar[:3, 3])
-        velocity_mps = radar.base_SE3_radar[:3, :3].T @ (motion.base_velocity_mps + lever_mps)
-        returns = radar.measure(scatterers, velocity_mps, rng)
+        radar, world = self._radars[name], instant.world
+        users = world.road_users(radar.section.range)
+        if isinstance(world, RadarSurroundings):
+            returns = radar.returns_of_hits(world.radar_hits(name, radar.velocity_mps(instant.motion)))
+        else:
+            returns = self._returns(name, instant, users)
         frame_id, stamp_ns = VehicleTopics(self._vehicle).sensor_frame(name), instant.stamp_ns
         scan, points = self.topics(self._vehicle, name)
         messages = [
@@ -73,6 +63,23 @@ class Radars(MountedSensor[RadarSensor]):
             (points, radar_cloud_to_cdr(returns, radar.rcs_dbsm(returns), stamp_ns, frame_id), stamp_ns),
         ]
         return messages, set(users.ids)
+
+    def _returns(self, name: str, instant: Instant, users: Boxes) -> RadarReturns:
+        from advpipe.pipeline.core.seeding import named_generator
+        from advpipe.pipeline.geometry.transforms import invert
+
+        radar, motion = self._radars[name], instant.motion
+        rng = named_generator(self._drive.seed, "radar", self._vehicle, name, instant.frame)
+        map_SE3_radar = motion.map_SE3_base @ radar.base_SE3_radar
+        boxes = users.transformed(invert(map_SE3_radar))
+        aim = radar.aim(boxes, rng)
+        rays = np.empty((len(aim.directions), 6), np.float32)
+        rays[:, :3] = map_SE3_radar[:3, 3]
+        rays[:, 3:] = aim.directions @ map_SE3_radar[:3, :3].T
+        hits = instant.world.cast(rays, radar.section.range)
+        turn_rate = self._turn_rates_radps(name, users, instant.stamp_ns)
+        scatterers = radar.scatterers(aim, hits, boxes, turn_rate, rng)
+        return radar.measure(scatterers, radar.velocity_mps(motion), rng)
 
     def _turn_rates_radps(self, name: str, users: Boxes, stamp_ns: int) -> Float64:
         """Turn rate (M,) of each road user since the last scan; 0 for a new one."""
@@ -83,6 +90,11 @@ class Radars(MountedSensor[RadarSensor]):
             return np.zeros(len(users))
         turned = wrap_angle([yaw - last.get(user, yaw) for user, yaw in yaws.items()])
         return np.asarray(turned / ((stamp_ns - last_ns) / 1e9))
+
+    @classmethod
+    def missing_from(cls, offers: frozenset[Offer]) -> list[Offer]:
+        """A world's own radars replace rays."""
+        return super().missing_from(offers | {"rays"} if "radar hits" in offers else offers)
 
     @classmethod
     def topics(cls, vehicle: str, name: str) -> tuple[Topic, ...]:

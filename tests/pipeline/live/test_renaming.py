@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from advpipe.pipeline.bag.published_names import published_names
@@ -12,9 +13,12 @@ from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.live.publisher import PublishedTopic
 from advpipe.pipeline.live.renaming import RenamingPublisher
 from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.messages.bridge_messages import bridge_message
 from advpipe.pipeline.messages.build import string
+from advpipe.pipeline.messages.images import jpeg_message
 from advpipe.pipeline.messages.topic_names import published_name
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, VehicleTopics
+from advpipe.pipeline.messages.types import schema_text, serialise
 from advpipe.pipeline.scenario import dump_scenario, load_scenario
 
 
@@ -23,11 +27,14 @@ class Collector:
 
     def __init__(self) -> None:
         self.topics: list[str] = []
+        self.types: dict[str, str] = {}
         self.messages: list[tuple[str, bytes, int]] = []
         self.is_open = True
 
     def advertise(self, published: PublishedTopic) -> None:
         self.topics.append(published.topic.name)
+        self.types[published.topic.name] = published.topic.type
+        assert published.schema == "" or published.schema == schema_text(published.topic.type)
 
     def publish(self, topic_name: str, cdr: bytes, time_ns: int) -> bool:
         self.messages.append((topic_name, cdr, time_ns))
@@ -50,12 +57,38 @@ def test_a_publisher_under_other_names() -> None:
     assert not inner.is_open
 
 
+@pytest.mark.parametrize("names", ["carla_ros_bridge", "advpipe"])
+def test_images_are_raw_where_the_bridges_are(names: str) -> None:
+    inner = Collector()
+    publisher = RenamingPublisher(inner, names)
+    topic = VehicleTopics("ego").camera_image("front", "rgb")
+    publisher.advertise(PublishedTopic(topic, schema_text(topic.type)))
+    grey = np.full((8, 12, 3), 90, np.uint8)
+    ours = serialise(jpeg_message(7, "ego/front_optical_frame", grey, 95), topic.type)
+    publisher.publish(topic.name, ours, 3)
+    ((name, cdr, _),) = inner.messages
+    if names == "advpipe":
+        assert (name, inner.types[name], cdr) == (topic.name, topic.type, ours)
+    else:
+        assert inner.types[name] == "sensor_msgs/msg/Image"
+        assert bridge_message(topic.type, ours) == cdr != ours
+
+
 @pytest.mark.parametrize(
     ("topic", "name"),
     [
         ("/ego/imu", "/carla/ego/imu"),
         ("/ego/gnss/fix", "/carla/ego/gnss"),
         ("/ego/ground_truth/odometry", "/carla/ego/odometry"),
+        ("/ego/front/image/compressed", "/carla/ego/front/image"),
+        ("/ego/front/camera_info", "/carla/ego/front/camera_info"),
+        ("/ego/front/depth/compressed", "/carla/ego/depth_front/image"),
+        ("/ego/rgb_front/depth/compressed", "/carla/ego/depth_front/image"),
+        ("/ego/front/semantic_segmentation/compressed", "/carla/ego/semantic_segmentation_front/image"),
+        ("/ego/front/instance_segmentation/compressed", "/carla/ego/instance_segmentation_front/image"),
+        ("/ego/radar/points", "/carla/ego/radar"),
+        ("/ego/radar/scan", "/ego/radar/scan"),
+        ("/ego/ground_truth/front/instances", "/ego/ground_truth/front/instances"),
         ("/ego/odometry", "/ego/odometry"),
         ("/clock", "/clock"),
     ],

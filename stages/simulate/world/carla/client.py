@@ -78,7 +78,8 @@ def _check_reachable(settings: Carla, host: str, port: int) -> None:
     try:
         socket.create_connection((host, port), timeout=min(REACH_TIMEOUT_S, settings.timeout_s)).close()
     except (OSError, OverflowError) as error:
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else one_line(error)
+        number = error.errno if isinstance(error, OSError) else None
+        reason = os.strerror(number) if number is not None and number > 0 else one_line(error)
         raise AdvpipeError(
             f"no CARLA server at {settings.server} ({reason}); start CARLA {VERSION} "
             "(./CarlaUE4.sh -RenderOffScreen), or set carla.server"

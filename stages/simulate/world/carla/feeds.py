@@ -32,7 +32,10 @@ class Feed:
         actor_SE3_sensor: Float64,
     ) -> None:
         self.name = name
-        definition = world.get_blueprint_library().find(blueprint)
+        library = world.get_blueprint_library()
+        if not library.filter(blueprint):
+            raise UsageError(f"the server has no {blueprint}, which {name} needs")
+        definition = library.find(blueprint)
         for key, value in attributes.items():
             if not definition.has_attribute(key):
                 raise UsageError(f"CARLA's {blueprint} has no attribute {key}, which {name} needs")
@@ -48,6 +51,12 @@ class Feed:
         except queue.Empty:
             return False
         return True
+
+    def skip(self) -> None:
+        """Drop what has arrived."""
+        with suppress(queue.Empty):
+            while True:
+                self._queue.get_nowait()
 
     def take(self, frame: int, timeout_s: float) -> Any:
         """The measurement of a frame. Raises AdvpipeError if it is lost, or late."""

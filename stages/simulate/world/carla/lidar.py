@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.geometry.transforms import Float64, invert, se3_from_yaw
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.lidar.sweep import mounting
+from advpipe.stages.simulate.world.carla.boxes import entry_m
 
 Float32 = npt.NDArray[np.float32]
 
@@ -46,7 +47,7 @@ class CarlaLidar:
     def __init__(self, section: LidarSensor, step_s: float) -> None:
         self._section = section
         self._turn_steps = round(1 / (section.rotation_frequency * step_s))
-        self.base_SE3_lidar: Float64 = mounting(section)
+        self.base_SE3_sensor: Float64 = mounting(section)
         sweep = {
             "channels": section.channels,
             "range": section.range,
@@ -133,7 +134,7 @@ class Turn:
             azimuth = np.pi - 2 * np.pi * columns / count
             up = np.deg2rad(self.elevations_deg)[:, None]
             axes = np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up)
-            enter_m = _entry_m(np.stack(np.broadcast_arrays(*axes), axis=-1), box)
+            enter_m = entry_m(np.zeros(3), np.stack(np.broadcast_arrays(*axes), axis=-1), box)
             through = np.isfinite(enter_m)
             blocked = (self.range_m[:, columns] < enter_m) & (self.actors[:, columns] != actor) & through
             found[index] = blocked.sum() / max(through.sum(), 1)
@@ -148,14 +149,3 @@ def _columns_near(box: Float64, count: int) -> npt.NDArray[np.int64]:
     half = np.arcsin(radius_m / away_m) / (2 * np.pi) * count
     middle = (np.pi - np.arctan2(box[1], box[0])) / (2 * np.pi) * count
     return np.arange(int(np.floor(middle - half)), int(np.ceil(middle + half)) + 1) % count
-
-
-def _entry_m(directions: Float64, box: Float64) -> Float64:
-    """Distance (...,) at which rays (..., 3) from the origin enter a box (7,); infinite if they miss it."""
-    box_SE3_lidar = invert(se3_from_yaw(box[:3], float(box[6])))
-    local = directions @ box_SE3_lidar[:3, :3].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = [(sign * box[3:6] / 2 - box_SE3_lidar[:3, 3]) / local for sign in (-1, 1)]
-    enter_m, leave_m = np.minimum(*ends).max(axis=-1), np.maximum(*ends).min(axis=-1)
-    entered: Float64 = np.where((enter_m <= leave_m) & (leave_m > 0), np.maximum(enter_m, 0.0), np.inf)
-    return entered

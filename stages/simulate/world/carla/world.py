@@ -13,26 +13,24 @@ import shapely
 
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.core.verbosity import detail, notice
-from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.geometry.transforms import Float64, invert
-from advpipe.pipeline.localisation.measurements import SensedMotion
+from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
-from advpipe.pipeline.sensors.lidar.section import LidarSensor
-from advpipe.pipeline.sensors.world import Hits, Offer, Scan
+from advpipe.pipeline.sensors.camera.daylight import sun_direction
+from advpipe.pipeline.sensors.world import Offer
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.road_network.roads import Roads, lay_out_roads
-from advpipe.stages.simulate.traffic.road_users import RoadUser, boxes_of
+from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.carla.actors import CarlaActors, TrafficManagerDrivers
 from advpipe.stages.simulate.world.carla.blueprints import Blueprints
 from advpipe.stages.simulate.world.carla.client import carla_errors, connect
-from advpipe.stages.simulate.world.carla.lidar import Float32, check_lidar
 from advpipe.stages.simulate.world.carla.maps import load_map
 from advpipe.stages.simulate.world.carla.mirror import Mirror
-from advpipe.stages.simulate.world.carla.poses import ActorBox
-from advpipe.stages.simulate.world.carla.sensors import VehicleSensors
+from advpipe.stages.simulate.world.carla.poses import ActorBox, vector_of
+from advpipe.stages.simulate.world.carla.sensors import VehicleSensors, check_sensor
 from advpipe.stages.simulate.world.carla.session import Session, check_step
 from advpipe.stages.simulate.world.carla.signals import Signals
+from advpipe.stages.simulate.world.carla.surroundings import CarlaSurroundings
 from advpipe.stages.simulate.world.carla.weather import carla_weather
 
 CLEANUP_TIMEOUT_S = 2.0
@@ -49,13 +47,12 @@ class CarlaWorld:
 
     def __init__(self, scenario: Scenario, network: RoadNetwork, variants: Mapping[str, Variant]) -> None:
         self._scenario, self._network, self._variants = scenario, network, variants
-        self.offers: frozenset[Offer] = frozenset({"road users", "scans"})
+        self.offers: frozenset[Offer] = frozenset({"road users", "scans", "pictures", "radar hits"})
         self.footprints: Sequence[shapely.Polygon] = ()
         self.roads: Roads = lay_out_roads(network)
         check_step(scenario.simulation.step_s)
         for place, _, section in scenario.sensors.mounted():
-            if isinstance(section, LidarSensor):
-                check_lidar(f"sensors.{place}", section)
+            check_sensor(f"sensors.{place}", section)
         if scenario.v2x.radio.building_loss != "none":
             notice("CARLA's buildings are not known to the radio: v2x.radio.building_loss has no effect")
         detail("world carla: environment and traffic.parked_per_km have no effect; the scenery is CARLA's")
@@ -89,7 +86,9 @@ class CarlaWorld:
         self._session = Session(self._client, world, step_s)
         opened.callback(self._attempt, self._session.end)
         self._session.begin()
-        world.set_weather(carla_weather(scenario.environment.weather))
+        origin, start_ns = scenario.map.origin, scenario.simulation.stamp_ns(0)
+        sun = sun_direction(start_ns, origin.latitude_deg, origin.longitude_deg)
+        world.set_weather(carla_weather(scenario.environment.weather, sun))
         blueprints = Blueprints(world.get_blueprint_library(), scenario.carla.blueprints)
         blueprints.measure(self._client, self._session, self._variants.values())
         self._drivers = TrafficManagerDrivers(self._client, world, scenario, blueprints)
@@ -117,7 +116,7 @@ class CarlaWorld:
             self._signals.show(signals)
             if frame == 0:
                 self._attach_sensors(self._session.tick(), users)
-            snapshot = self._session.tick()
+            snapshot = self._snapshot = self._session.tick()
             step_s = self._scenario.simulation.step_s
             own = self._carla_actors.users(snapshot, self._mirror.actors.values(), step_s)
             self._actors = self._mirror.actors | {user.id: actor for actor, user in own.items()}
@@ -141,6 +140,15 @@ class CarlaWorld:
     def actor(self, name: str) -> int:
         """The number of a road user's actor."""
         return self._actors[name]
+
+    def mirrors(self, name: str) -> bool:
+        """Whether a road user is moved from outside."""
+        return name in self._mirror.actors
+
+    def reported_mps(self, name: str) -> Float64:
+        """The velocity (3,) that CARLA knows of a road user; 0 for one that is moved from outside."""
+        state = self._snapshot.find(self._actors[name])
+        return np.zeros(3) if state is None else vector_of(state.get_velocity())
 
     def sensors(self, vehicle: str) -> VehicleSensors:
         """The sensors of an instrumented vehicle."""
@@ -170,7 +178,7 @@ class CarlaWorld:
         """A vehicle whose trajectory has ended takes its sensors along."""
         if name in self._drivers.actors:
             raise AdvpipeError(f"the actor of {name} has disappeared from CARLA in frame {frame}")
-        self._sensors.pop(name).stop()
+        self._destroy(self._sensors.pop(name).stop())
 
     def _attempt(self, step: Callable[[], None]) -> None:
         """One step of the clean-up. If the server is gone, its actors are, too, and nothing waits for it."""
@@ -181,48 +189,14 @@ class CarlaWorld:
             self._client.set_timeout(LOST_TIMEOUT_S)
 
     def _remove_sensors(self) -> None:
+        self._destroy([actor for sensors in self._sensors.values() for actor in sensors.stop()])
+
+    def _destroy(self, actors: Sequence[int]) -> None:
         import carla
 
-        actors = [actor for sensors in self._sensors.values() for actor in sensors.stop()]
         self._client.apply_batch_sync([carla.command.DestroyActor(actor) for actor in actors], False)
 
     def _remove_mirrored(self) -> None:
         """Also tick, so that Traffic Manager learns that it has been released, before it is shut down."""
         self._mirror.remove_all()
         self._session.world.tick()
-
-
-class CarlaSurroundings:
-    """See `Surroundings`, `ScanningSurroundings` and `SensingSurroundings`."""
-
-    def __init__(self, world: CarlaWorld, carrier: RoadUser, users: Sequence[RoadUser]) -> None:
-        self._world, self._carrier, self._users = world, carrier, users
-
-    def road_users(self, range_m: float) -> Boxes:
-        return boxes_of(self._within(range_m))
-
-    def cast(self, rays: Float32, range_m: float) -> Hits:
-        """Raises RuntimeError: CARLA casts the rays of its own sensors only."""
-        raise RuntimeError("the world carla casts no rays; it offers scans")
-
-    def scan(self, name: str, range_m: float) -> Scan:
-        boxes = self.road_users(range_m)
-        sensors = self._world.sensors(self._carrier.id)
-        lidar, data, truth = sensors.turn(name)
-        cloud, _ = lidar.cloud(data, truth, self._world.actor(self._carrier.id))
-        actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
-        map_SE3_lidar = self._carrier.map_SE3_base @ lidar.base_SE3_lidar
-        occlusion = lidar.turn(truth).occlusion(boxes.transformed(invert(map_SE3_lidar)), actors)
-        return Scan(cloud, occlusion)
-
-    def sensed(self) -> SensedMotion:
-        return self._world.sensors(self._carrier.id).sensed()
-
-    def _within(self, range_m: float) -> list[RoadUser]:
-        """The road users within the range that CARLA shows, without the carrier, in their sizes there."""
-        near = []
-        for user in self._users:
-            away_m = np.linalg.norm(user.position_m - self._carrier.position_m)
-            if user.id != self._carrier.id and away_m <= range_m:
-                near.append(self._world.boxed(user))
-        return [user for user in near if user is not None]

@@ -169,3 +169,38 @@ def test_what_is_in_view() -> None:
 
 def test_surfaces_are_the_classes_of_the_ray_casters_materials() -> None:
     assert SURFACES == SEMANTIC_CLASSES
+
+
+class MeasuringWorld(BoxWorld):
+    """A world whose own radars measure: a few places, with what it is told of the radar's velocity."""
+
+    def radar_hits(self, name: str, radar_mps: np.ndarray) -> np.ndarray:
+        assert name == "front"
+        rate_mps = -radar_mps[0]
+        return np.array(
+            [[60, 0.1, 0.02, rate_mps], [20, -0.1, 0.02, rate_mps], [90, 0.0, 0.0, -75.0], [250, 0, 0, 0]]
+        )
+
+
+@pytest.mark.parametrize(("resolution_deg", "elevation"), [(0.0, 0.0), (2.0, 0.02)])
+def test_a_world_may_measure_itself(resolution_deg: float, elevation: float) -> None:
+    """Its hits, by range and in range, each with the power of a target of 1 m²."""
+    one = radars(elevation_resolution_deg=resolution_deg, range=100.0)
+    reading = one.sense(instant(MeasuringWorld(cars([(40, 0)])), velocity_mps=20.0))
+    found = scan_from_cdr(reading.messages[0][1]).returns
+    assert found["range"].tolist() == [20, 60, 90]
+    assert found["azimuth"] == pytest.approx([-0.1, 0.1, 0.0])
+    assert found["elevation"] == pytest.approx([elevation, elevation, 0.0])
+    assert found["velocity"] == pytest.approx([-20, -20, 65])  # folded beyond 70 m/s
+    assert found["amplitude"][0] - found["amplitude"][1] == pytest.approx(40 * np.log10(3), abs=1e-4)
+    rcs = np.frombuffer(reading.messages[1][1][-1 - 3 * 24 : -1], "<f4").reshape(3, 6)[:, 4]
+    assert rcs == pytest.approx(0, abs=1e-4)
+    few = scan_from_cdr(
+        radars(max_returns=1, range=100.0).sense(instant(MeasuringWorld(cars([(40, 0)])))).messages[0][1]
+    )
+    assert few.returns["range"].tolist() == [60]  # the first: their order is random
+
+
+def test_what_a_world_lacks_for_radars() -> None:
+    assert Radars.missing_from(frozenset({"road users", "radar hits"})) == []
+    assert Radars.missing_from(frozenset({"road users", "scans"})) == ["rays"]

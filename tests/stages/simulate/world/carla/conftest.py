@@ -117,3 +117,65 @@ def server(shared_server: StandIn) -> Iterator[StandIn]:
     for number, blueprint, _ in shared_server.state["actors"]:
         if blueprint.startswith(("vehicle.", "walker.")):
             shared_server.call("destroy_actor", number)
+
+
+SIGHT = {
+    "sensors.cameras": {
+        "front": {
+            "image_size_x": 320,
+            "image_size_y": 180,
+            "fov": 80,
+            "z_m": 2.4,
+            "range": 300,
+            "images": ["rgb", "depth", "semantic_segmentation", "instance_segmentation"],
+            "noise": 0,
+            "exposure_speed": 1,
+        },
+        "left": {
+            "image_size_x": 96,
+            "image_size_y": 64,
+            "yaw_deg": 80,
+            "pitch_deg": 10,
+            "z_m": 2.4,
+            "sensor_tick": 0.2,
+            "shutter_speed": 500,
+            "iso": 200,
+            "exposure_compensation": 0.5,
+            "motion_blur_intensity": 0.25,
+        },
+    },
+    "sensors.radars": {
+        "radar": {
+            "horizontal_fov": 70,
+            "vertical_fov": 12,
+            "points_per_second": 20000,
+            "range": 90,
+            "elevation_resolution_deg": 2,
+            "max_returns": 1500,
+        }
+    },
+    "simulation.duration_s": 0.3,
+}
+"""Two cameras and a radar, of which the embedded world's pictures have no noise either."""
+
+
+@pytest.fixture
+def sight_settings() -> dict[str, Any]:
+    """The settings of `sight`."""
+    return SIGHT
+
+
+@pytest.fixture(scope="session")
+def sight(
+    shared_server: StandIn, scenario_file: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Path, dict[str, Any]]:
+    """A drive with cameras and a radar through CARLA and in the embedded world, and the server's state."""
+    from advpipe.pipeline.scenario import load_scenario
+    from advpipe.stages.simulate.run import simulate
+
+    folder = tmp_path_factory.mktemp("sight")
+    keys = {**SIGHT, "world": "carla", "carla.server": shared_server.address, "carla.timeout_s": 60}
+    simulate(load_scenario(scenario_file, keys), folder / "carla")
+    state = shared_server.state
+    simulate(load_scenario(scenario_file, SIGHT), folder / "embedded")
+    return folder / "carla" / "clean", folder / "embedded" / "clean", state

@@ -19,7 +19,8 @@ pytestmark = pytest.mark.oracle
 @pytest.fixture
 def loaded(server: Any, scenario_file: Path, tmp_path: Path) -> Any:
     """A server with the generated map, and two vehicles of another client's."""
-    keys = {"world": "carla", "carla.server": server.address, "simulation.duration_s": 0.1}
+    keys = {"world": "carla", "carla.server": server.address, "carla.timeout_s": 60}
+    keys["simulation.duration_s"] = 0.1
     simulate(load_scenario(scenario_file, keys), tmp_path / "drive")
     return server
 
@@ -27,18 +28,30 @@ def loaded(server: Any, scenario_file: Path, tmp_path: Path) -> Any:
 def findings_of(server: Any) -> dict[str, tuple[bool, str]]:
     from advpipe.stages.simulate.world.carla.check import CarlaCheck
 
-    found = CarlaCheck(Carla(server=server.address, timeout_s=5)).run()
+    found = CarlaCheck(Carla(server=server.address, timeout_s=60)).run()
     return {one.name: (one.is_good, one.seen) for one in found}
 
 
 def test_a_good_server(loaded: Any) -> None:
     found = findings_of(loaded)
-    assert len(found) == 13
+    assert len(found) == 15
     assert all(is_good for is_good, _ in found.values()), found
     assert "0.0 mm from its place one tick after a move" in found["mirrored vehicles"][1]
     assert "at y = -7" in found["LiDAR's axes and ids"][1]  # to the right
+    assert "positive ones move away" in found["radar"][1]
     assert loaded.state["synchronous"] is False
     assert loaded.bodies() == []
+
+
+@pytest.mark.nightly
+def test_numbers_and_velocities_of_another_kind(loaded: Any) -> None:
+    """Instance images with Unreal's numbers, as before 0.9.16, and a radar as its documentation has it."""
+    loaded.faults(numbers=1000, rates=-1)
+    found = findings_of(loaded)
+    bad = {name: seen for name, (is_good, seen) in found.items() if not is_good}
+    assert bad.keys() == {"cameras", "radar"}
+    assert "0 pixels have the number of the vehicle to the right" in bad["cameras"]
+    assert "positive ones come nearer, against what its source says" in bad["radar"]
 
 
 def test_a_server_of_another_release(server: Any) -> None:

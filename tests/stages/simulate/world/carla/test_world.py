@@ -15,9 +15,14 @@ import pytest
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.geometry.transforms import se3_from_yaw
 from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.radar import scan_from_cdr, xyz_of_returns
 from advpipe.pipeline.scenario import load_scenario
+from advpipe.stages.simulate.bodies import draw_variants
+from advpipe.stages.simulate.road_network.network import load_network
 from advpipe.stages.simulate.run import simulate
+from advpipe.stages.simulate.traffic.road_users import RoadUser
 
 pytestmark = pytest.mark.oracle
 
@@ -25,7 +30,7 @@ COLUMNS = 600
 
 
 def drive(out: Path, scenario_file: Path, server: Any = None, **settings: object) -> Path:
-    keys = {} if server is None else {"world": "carla", "carla.server": server.address}
+    keys = {} if server is None else {"world": "carla", "carla.server": server.address, "carla.timeout_s": 60}
     simulate(load_scenario(scenario_file, {**keys, **settings}), out)
     return out / "clean"
 
@@ -131,6 +136,10 @@ def test_carla_drives(server: Any, scenario_file: Path, tmp_path: Path) -> None:
         "sensors.lidars.lidar.range": 150,
     }
     keys |= {"sensors.gnss": {"white_stddev_m": 0, "drift_stddev_m": 0}}
+    keys |= {
+        "sensors.cameras": {"front": {"image_size_x": 96, "image_size_y": 64, "z_m": 2.4, "range": 200}},
+        "sensors.radars": {"radar": {"elevation_resolution_deg": 2, "points_per_second": 3000}},
+    }
     bag = drive(tmp_path / "driven", scenario_file, server, **keys)
     reader = BagReader(bag)
     truth = [message for _, message in reader.messages("/ego/ground_truth/odometry")]
@@ -146,6 +155,18 @@ def test_carla_drives(server: Any, scenario_file: Path, tmp_path: Path) -> None:
     for frame in frames:  # points on the own vehicle are left out
         near = np.abs(xyz(frame.cloud)) < (1.5, 0.7, 1.75)
         assert not near.all(axis=1).any()
+    images = list(reader.messages("/ego/front/image/compressed"))
+    assert len(images) == len(frames)
+    labelled = {
+        one.id for _, message in reader.messages("/ego/ground_truth/front/labels") for one in message.labels
+    }
+    assert labelled
+    for raw, message in zip(reader.raw_messages(["/ego/radar/scan"]), truth, strict=True):
+        returns = scan_from_cdr(raw.cdr).returns
+        ahead = xyz_of_returns(returns) / returns["range"][:, None]
+        on_road = returns["range"] * ahead[:, 2] < -0.48  # comes nearer, as fast as in the last step
+        rate_mps = np.median(returns["velocity"][on_road] / ahead[on_road, 0])
+        assert rate_mps == pytest.approx(-message.twist.twist.linear.x, abs=0.5)
     sent = {message.station_id for _, message in reader.messages("/v2x/sent")}
     assert len(sent) > 1
     assert server.state["managers"] == []
@@ -198,6 +219,53 @@ def test_a_second_client_that_ticks_is_noticed(server: Any, scenario_file: Path,
         drive(tmp_path / "out", scenario_file, server)
     assert server.state["synchronous"] is False
     assert server.bodies() == []
+
+
+def test_first_measurements_may_be_lost(server: Any, scenario_file: Path, tmp_path: Path) -> None:
+    """A real server loses those of the first ticks after a subscription."""
+    keys = {"simulation.duration_s": 0.2}
+    whole = list(read_frames(drive(tmp_path / "whole", scenario_file, server, **keys)))
+    server.faults(loses=list(range(1, 13)))
+    later = list(read_frames(drive(tmp_path / "later", scenario_file, server, **keys)))
+    for one, other in zip(whole, later, strict=True):
+        assert one.cloud.tobytes() == other.cloud.tobytes()
+
+
+@pytest.mark.nightly  # waits
+@pytest.mark.parametrize(
+    ("ticks", "message"),
+    [
+        ([12], r"CARLA's sensor .* of ego.* sent nothing for frame \d+ within 12 s"),
+        (list(range(200)), r"CARLA's sensor .* of ego.* sends nothing, after 20 ticks and 12 s"),
+    ],
+)
+def test_a_lost_measurement_is_noticed_by_its_frame(
+    ticks: list[int], message: str, server: Any, scenario_file: Path, tmp_path: Path
+) -> None:
+    """None of another frame takes its place."""
+    server.faults(loses=ticks)
+    keys = {"simulation.duration_s": 1, "carla.timeout_s": 12}
+    with pytest.raises(AdvpipeError, match=message):
+        drive(tmp_path / "out", scenario_file, server, **keys)
+    assert server.state["synchronous"] is False
+    assert server.bodies() == []
+
+
+def test_a_vehicle_that_leaves_takes_its_sensors_along(
+    server: Any, scenario_file: Path, tmp_path: Path
+) -> None:
+    from advpipe.stages.simulate.world.carla.world import CarlaWorld
+
+    scenario = load_scenario(scenario_file, {"carla.server": server.address})
+    variants = draw_variants(np.random.default_rng(3), scenario.bodies)
+    network = load_network(scenario.map, tmp_path, scenario.simulation.seed)
+    ego = RoadUser("ego", variants["sedan.0"], se3_from_yaw([20.0, 30.0, 0.0], 0.0), np.zeros(3))
+    with CarlaWorld(scenario, network, variants) as world:
+        world.advance(0, [ego], {})
+        assert sum("sensor" in one[1] for one in server.state["actors"]) == 3
+        world.advance(1, [], {})
+        assert not any("sensor" in one[1] for one in server.state["actors"])
+        assert server.bodies() == []
 
 
 def test_a_place_that_is_taken_in_the_air(server: Any, scenario_file: Path, tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def main(scenario_file: str, faults_json: str = "{}") -> None:
         world = RaycastWorld(scenario, network, variants)
     maps = {name: Path(path).read_text() for name, path in faults.get("maps", {}).items()}
     maps = {"Town10HD": EMPTY, **maps}
-    episode = Episode(Library(variants), maps, world, spawn_points(network), faults)
+    episode = Episode(Library(variants), maps, world, scenario, spawn_points(network), faults)
     asyncio.run(serve(episode, int(faults.get("port", 0))))
 
 

@@ -60,12 +60,18 @@ class Actor:
     def tag(self) -> int:
         return TAGS.get(self.base_type, 0)
 
-    def road_user(self) -> RoadUser:
+    @property
+    def name(self) -> str:
+        """That of the road user that it mirrors, on which colours depend; else its number."""
+        role = self.values.get("role_name", "")
+        return role.removeprefix("advpipe ") if role.startswith("advpipe ") else str(self.id)
+
+    def road_user(self, name: str = "") -> RoadUser:
         """The body at its place, right-handed, its origin on the ground."""
         assert self.variant is not None
         below = se3(np.eye(3), [0.0, 0.0, self.box_z_m - self.extent[2]])
         pose = mirrored(matrix_of(self.pose)) @ below
-        return RoadUser(str(self.id), self.variant, pose, np.zeros(3))
+        return RoadUser(name or str(self.id), self.variant, pose, np.zeros(3))
 
     def move(self, step_s: float) -> None:
         """One step: what has no physics stays where it was put, and reports no velocity, as in CARLA."""

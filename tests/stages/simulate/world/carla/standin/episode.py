@@ -15,6 +15,7 @@ from library import Library
 from measuring import Instruments
 from protocol import RefusedError, Streams, accepted, actor_state, refused, sensor_header, snapshot_head
 
+from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 WORLD_STREAM, WORLD_TYPE = 1, 17
@@ -25,17 +26,19 @@ DEFAULTS = [False, False, NO_STEP, True, 0.01, 10, 0.0, True, 3000.0, 2000.0, Tr
 
 
 class Episode:
-    """faults: `version`, and after how many ticks it is `silent_after` or has to `die_after`; `flips`."""
+    """faults: `version`, after how many ticks it is `silent_after` or to `die_after`; the ticks
+    whose measurements it `loses`. See also `Instruments`."""
 
     def __init__(
         self,
         library: Library,
         maps: Mapping[str, str],
         world: RaycastWorld,
+        scenario: Scenario,
         spawn_points: list[Any],
         faults: Mapping[str, Any],
     ) -> None:
-        self._spawn_points = spawn_points
+        self._spawn_points, self._scenario = spawn_points, scenario
         self._library, self._maps, self._world, self._faults = library, dict(maps), world, faults
         self._opendrive = ""
         self._settings = list(DEFAULTS)
@@ -71,6 +74,8 @@ class Episode:
         head = snapshot_head(self._episode, step_s, self._is_new_map)
         self.streams.send(WORLD_STREAM, header + head + b"".join(states))
         self._is_new_map = False
+        if self._ticks in self._faults.get("loses", ()):
+            return
         bodies = [actor for actor in actors if actor.variant is not None]
         for actor in actors:
             if actor.sensor_type >= 0 and self.streams.has_listener(self._stream(actor)):
@@ -243,7 +248,7 @@ class Episode:
     def test_faults(self, faults: dict[str, Any]) -> None:
         """Replace the faults, and count ticks anew."""
         self._faults, self._ticks = faults, 0
-        self._instruments.flips = bool(faults.get("flips"))
+        self._instruments.faults = faults
 
     def test_state(self) -> dict[str, Any]:
         """What a test wants to know."""
@@ -260,7 +265,6 @@ class Episode:
                 for one in self._actors.values()
                 if "sign_id" in one.values
             },
-            "lidars": [one.values for one in self._actors.values() if "lidar" in one.blueprint],
             "history": self._history,
         }
 
@@ -271,7 +275,7 @@ class Episode:
         self._actors: dict[int, Actor] = {}
         origin = [re.search(rf"\+{key}=([-+.\de]+)", self._maps[name]) for key in ("lat_0", "lon_0")]
         latitude, longitude = (float(found[1]) if found else 0.0 for found in origin)
-        self._instruments = Instruments(self._world, (latitude, longitude), bool(self._faults.get("flips")))
+        self._instruments = Instruments(self._world, self._scenario, (latitude, longitude), self._faults)
         self._spectator = self._add([0, "spectator", []], [0.0, 0.0, 30.0, 0.0, 0.0, 0.0])
         for number, signal in enumerate(
             re.findall(r'<signal id="([^"]+)"[^>]*dynamic="yes"', self._maps[name])
@@ -313,6 +317,7 @@ class Episode:
         actor = self._add(description, pose)
         if parent:
             actor.parent, actor.mount = self._actor(parent), matrix_of(pose)
+            self._history.append(["sensor", actor.blueprint, actor.values])
             actor.follow(pose_of(matrix_of(actor.parent.pose) @ actor.mount))
         return actor
 

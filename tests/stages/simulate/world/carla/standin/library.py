@@ -38,7 +38,36 @@ DROPOFF = {
     "noise_stddev": 0.0,
     "noise_seed": 0,
 }
+CAMERA = {
+    "image_size_x": 800,
+    "image_size_y": 600,
+    "fov": 90.0,
+    "lens_circle_falloff": 5.0,
+    "lens_circle_multiplier": 0.0,
+    "lens_k": -1.0,
+    "lens_kcube": 0.0,
+    "lens_x_size": 0.08,
+    "lens_y_size": 0.08,
+}
+PHOTOGRAPHY = {
+    "shutter_speed": 200.0,
+    "iso": 100.0,
+    "fstop": 1.4,
+    "gamma": 2.2,
+    "exposure_compensation": 0.0,
+    "motion_blur_intensity": 0.45,
+}
 SENSORS: dict[str, dict[str, float]] = {
+    "sensor.camera.rgb": {**CAMERA, **PHOTOGRAPHY},
+    "sensor.camera.depth": CAMERA,
+    "sensor.camera.semantic_segmentation": CAMERA,
+    "sensor.camera.instance_segmentation": CAMERA,
+    "sensor.other.radar": {
+        "horizontal_fov": 30.0,
+        "vertical_fov": 30.0,
+        "range": 100.0,
+        "points_per_second": 1500,
+    },
     "sensor.lidar.ray_cast": {**LIDAR, **DROPOFF},
     "sensor.lidar.ray_cast_semantic": LIDAR,
     "sensor.other.gnss": {
@@ -52,10 +81,15 @@ SENSORS: dict[str, dict[str, float]] = {
     },
 }
 SENSOR_TYPES = {
+    "sensor.camera.depth": 1,
     "sensor.other.gnss": 4,
     "sensor.other.imu": 5,
+    "sensor.other.radar": 9,
     "sensor.lidar.ray_cast_semantic": 10,
     "sensor.lidar.ray_cast": 11,
+    "sensor.camera.rgb": 13,
+    "sensor.camera.semantic_segmentation": 14,
+    "sensor.camera.instance_segmentation": 15,
 }
 """The numbers of the types in 0.9.16's streams."""
 

@@ -1,17 +1,21 @@
-"""What the stand-in's sensors measure. Its LiDARs look at advpipe's ray-cast world."""
+"""What the stand-in's sensors measure. They look at advpipe's ray-cast world."""
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import msgpack
 import numpy as np
 from actor import Actor
+from cameras import Cameras
 from geometry import geographic, matrix_of
 from library import SENSORS
+from radars import Radars
 
+from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.world.raycast.world import RaycastWorld
 
 ROAD = 1
@@ -19,17 +23,32 @@ GRAVITY_MPS2 = 9.81
 
 
 class Instruments:
-    """origin_deg: latitude and longitude of the map. flips: whether latitude grows to the north."""
+    """scenario: of the world. origin_deg: latitude and longitude of the map.
 
-    def __init__(self, world: RaycastWorld, origin_deg: tuple[float, float], flips: bool) -> None:
-        self._world, self._origin_deg, self.flips = world, origin_deg, flips
+    faults: `flips`, whether latitude grows to the north; `numbers`, which instance images have too many;
+    `rates`, the sign of the radar's velocities.
+    """
+
+    def __init__(
+        self,
+        world: RaycastWorld,
+        scenario: Scenario,
+        origin_deg: tuple[float, float],
+        faults: Mapping[str, Any],
+    ) -> None:
+        self._world, self._origin_deg, self.faults = world, origin_deg, faults
+        self._cameras, self._radars = Cameras(world, scenario), Radars(world)
         self._rng = np.random.default_rng(0)
 
     def measure(self, sensor: Actor, bodies: Sequence[Actor], step_s: float) -> bytes:
         if sensor.blueprint == "sensor.other.gnss":
-            return msgpack.packb(geographic(sensor.pose, self._origin_deg, self.flips))
+            return msgpack.packb(geographic(sensor.pose, self._origin_deg, bool(self.faults.get("flips"))))
         if sensor.blueprint == "sensor.other.imu":
             return self._imu(sensor, step_s)
+        if sensor.blueprint == "sensor.other.radar":
+            return self._radars.detections(sensor, bodies, step_s, self.faults.get("rates", 1))
+        if sensor.blueprint.startswith("sensor.camera."):
+            return self._cameras.picture(sensor, bodies, self.faults.get("numbers", 0))
         return self._lidar(sensor, bodies, step_s)
 
     def _imu(self, sensor: Actor, step_s: float) -> bytes:
