@@ -202,8 +202,8 @@ def keeps_its_rate(row: Mapping[str, float], seconds: int, lost: int) -> bool:
     waits = row["latency_p99_ms"] / 1e3 / attack_s
     passed = row["attacked"] >= 1 and busy >= BUSY and waits <= WAITS and lost <= LOSS * SENT_HZ * seconds
     print(
-        f"    one in {SENT_HZ * seconds / max(row['attacked'], 1):.0f} clouds, {attack_s:.1f} s each: busy for "
-        f"{busy:.2f} of the time, bound {BUSY}; {waits:.2f} attacks waited for, bound {WAITS}; {lost} lost  "
+        f"    one in {SENT_HZ * seconds / max(row['attacked'], 1):.0f} clouds, {attack_s:.1f} s each: busy "
+        f"for {busy:.2f} of the time, bound {BUSY}; {waits:.2f} attacks waited for, bound {WAITS}; {lost} lost  "
         f"{verdict(passed)}"
     )
     return bool(passed)
