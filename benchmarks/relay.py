@@ -201,10 +201,10 @@ def keeps_its_rate(row: Mapping[str, float], seconds: int, lost: int) -> bool:
     busy = row["attacked"] * attack_s / seconds
     waits = row["latency_p99_ms"] / 1e3 / attack_s
     passed = row["attacked"] >= 1 and busy >= BUSY and waits <= WAITS and lost <= LOSS * SENT_HZ * seconds
+    rate = f"one in {SENT_HZ * seconds / max(row['attacked'], 1):.0f} clouds, {attack_s:.1f} s each"
     print(
-        f"    one in {SENT_HZ * seconds / max(row['attacked'], 1):.0f} clouds, {attack_s:.1f} s each: busy "
-        f"for {busy:.2f} of the time, bound {BUSY}; {waits:.2f} attacks waited for, bound {WAITS}; {lost} lost  "
-        f"{verdict(passed)}"
+        f"    {rate}: busy for {busy:.2f} of the time, bound {BUSY}; {waits:.2f} attacks waited for, bound "
+        f"{WAITS}; {lost} lost  {verdict(passed)}"
     )
     return bool(passed)
 
