@@ -82,8 +82,9 @@ def _simulated_drives(
     overwrite: bool,
 ) -> Answer:
     """The drives of several scenarios or seeds."""
-    from advpipe.commands.paths import DATA_SETS, refuse_remote
+    from advpipe.commands.paths import DATA_SETS
     from advpipe.pipeline.core.errors import as_usage_error
+    from advpipe.pipeline.core.remote_path import refuse_remote
     from advpipe.pipeline.process.folder import refuse_undecodable, working_path
     from advpipe.pipeline.scenario import load_scenario
 
