@@ -41,7 +41,7 @@ def play(
     Returns what was sent, and how late. Raises AdvpipeError, one line, for what cannot be played, a port that
     is taken and an interface that is not there. Needs the extra `ros2` or `foxglove`.
 
-    >>> advpipe.play("datasets/smoke", ros2=True, domain=7, interface="lo").dropped
+    >>> advpipe.play("datasets/smoke", ros2=True, domain=7, interface="lo").missed
     0
     """
     options = PlayOptions(

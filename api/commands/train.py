@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ def train(
     bf16: bool = TrainOptions.bf16,
     device: str = TrainOptions.device,
     seed: int = TrainOptions.seed,
+    cluster: str | None = None,
     overwrite: bool = False,
 ) -> TrainSummary:
     """Train a detector on clean bags; goes on where an interrupted run stopped.
@@ -40,7 +42,8 @@ def train(
     the detector. steps: of the optimiser. batch_size: frames of a step; some 16 on a GPU. start: a checkpoint
     of the same preset to go on from. learning_rate: its peak, after the warm-up. validate: a held-out bag to
     score. bf16: half the time where the processor has it. device: where it computes. seed: of weights, order
-    and augmentation.
+    and augmentation. cluster: the address of a Ray cluster that reads the bags, or `auto`; one process
+    learns.
 
     Returns what the run made, with 3D AP R40 in percent by class if there was a bag to validate on. Raises
     UsageError for bags without ground truth and for options that are out of range.
@@ -55,6 +58,7 @@ def train(
         raise UsageError(f"{option_name('validate')} {validate} is also a training bag; name a held-out one")
     refuse_undecodable(*learned, held_out, Path(out))
     with working_on("loading libraries"):
+        from advpipe.pipeline.cluster.connect import use_cluster
         from advpipe.stages.train.config import TrainConfig
         from advpipe.stages.train.run import train as run
     with as_usage_error():
@@ -74,4 +78,4 @@ def train(
         )
     detail(f"preset {preset}, {steps} steps on {len(learned)} bags, seed {seed}, on {device}")
     with writing(out):
-        return run(config, overwrite=overwrite)
+        return run(config, overwrite=overwrite, while_reading=partial(use_cluster, cluster))

@@ -56,6 +56,15 @@ def play_command(
         port=port,
         ready=ready,
     )
-    figures = ("loops", "messages", "dropped", "recorded_s", "late_median_ms", "late_p99_ms", "late_max_ms")
+    figures = (
+        "loops",
+        "messages",
+        "missed",
+        "missed_uncounted",
+        "recorded_s",
+        "late_median_ms",
+        "late_p99_ms",
+        "late_max_ms",
+    )
     document = {"bag": summary.bag, **{name: getattr(summary, name) for name in figures}}
     return Answer({**document, "topics": summary.to_dicts()}, print_line(summary))

@@ -17,13 +17,25 @@ if TYPE_CHECKING:
     from advpipe.stages.simulate.run import SimulationSummary
 
 
-@with_progress("simulating {scenario}")
+DEFAULT = "district"
+
+
+@with_progress("simulating {scenarios}")
 def simulate_command(
-    scenario: Annotated[
-        str, typer.Argument(help="A scenario file or a shipped name.", autocompletion=scenario_names)
-    ] = "district",
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENARIO]...",
+            help="Scenario files or shipped names.",
+            autocompletion=scenario_names,
+            show_default=DEFAULT,
+        ),
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Data set folder.", show_default="datasets/<name>")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Data set folder; of several, where they lie.", show_default="datasets/<name>"
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="Override one key: section.key=value.")
@@ -45,43 +57,51 @@ def simulate_command(
 ) -> Answer:
     """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag.
 
-    With --seeds, one drive for each: data sets NAME-seedN, of which those that are there are kept.
+    Of several scenarios, data sets NAME in the folder --out; with --seeds, NAME-seedN for each seed. Those
+    that are there are kept, and a run that was interrupted goes on.
     """
-    if seeds is not None:
-        return _simulated_seeds(scenario, settings or (), seeds, out, live, workers, cluster, overwrite)
+    names = scenarios or [DEFAULT]
+    if seeds is not None or len(names) > 1:
+        if live is not None:
+            from advpipe.pipeline.core.errors import UsageError
+
+            raise UsageError("--live publishes one drive; give one scenario and no --seeds")
+        return _simulated_drives(names, settings or (), seeds, out, workers, cluster, overwrite)
     from advpipe.commands.simulate import simulate as run
 
-    return simulated(run(scenario, settings=settings or (), out=out, live=live, overwrite=overwrite))
+    return simulated(run(names[0], settings=settings or (), out=out, live=live, overwrite=overwrite))
 
 
-def _simulated_seeds(
-    scenario: str,
+def _simulated_drives(
+    names: Sequence[str],
     settings: Sequence[str],
-    seeds: str,
+    seeds: str | None,
     out: Path | None,
-    live: str | None,
     workers: int | None,
     cluster: str | None,
     overwrite: bool,
 ) -> Answer:
-    """The drives of several seeds; a live one has a single seed."""
+    """The drives of several scenarios or seeds."""
     from advpipe.commands.paths import DATA_SETS
-    from advpipe.pipeline.core.errors import UsageError, as_usage_error
+    from advpipe.pipeline.core.errors import as_usage_error
+    from advpipe.pipeline.core.remote_path import refuse_remote
     from advpipe.pipeline.process.folder import refuse_undecodable, working_path
     from advpipe.pipeline.scenario import load_scenario
 
     with working_on("loading libraries"):
-        from advpipe.pipeline.campaigns.seeds import parse_seeds, simulate_seeds
+        from advpipe.pipeline.campaigns.drives import planned_drives, simulate_drives
+        from advpipe.pipeline.campaigns.seeds import parse_seeds
         from advpipe.pipeline.cluster.connect import use_cluster
     with as_usage_error():
-        chosen = parse_seeds(seeds)
-        if live is not None:
-            raise UsageError("--live publishes one drive; leave --seeds out")
-        loaded = load_scenario(scenario, settings)
-    base = out or working_path(DATA_SETS) / loaded.name
+        chosen = None if seeds is None else parse_seeds(seeds)
+        loaded = [load_scenario(name, settings) for name in names]
+        base = out or working_path(DATA_SETS)
+        is_one = out is not None and len(loaded) == 1
+        planned = planned_drives(loaded, chosen, lambda one: base if is_one else base / one.name)
+    refuse_remote(base, "name a folder of this machine with --out")
     refuse_undecodable(base)
     with use_cluster(cluster):
-        drives = simulate_seeds(loaded, chosen, base, overwrite=overwrite, workers=workers)
+        drives = simulate_drives(planned, overwrite=overwrite, workers=workers)
     documents = [
         {"data_set": drive.folder, "seed": drive.seed, "kept": not drive.summary} for drive in drives
     ]

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.cli.completion import family_names, preset_names
-from advpipe.pipeline.cli.shared import Answer, Device, Overwrite, cli_option, print_line, typed
+from advpipe.pipeline.cli.shared import Answer, Cluster, Device, Overwrite, cli_option, print_line, typed
 from advpipe.pipeline.core.progress import with_progress
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
 
@@ -32,9 +32,13 @@ def train_command(
     bf16: Annotated[bool, cli_option(TrainOptions, "bf16", "--bf16")] = False,
     device: Device = TrainOptions.device,
     seed: Annotated[int, cli_option(TrainOptions, "seed")] = TrainOptions.seed,
+    cluster: Cluster = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Train a detector on clean bags; goes on where an interrupted run stopped."""
+    """Train a detector on clean bags; goes on where an interrupted run stopped.
+
+    With --cluster, other machines read the bags; one process learns.
+    """
     from advpipe.commands.train import train as run
     from advpipe.pipeline.core.errors import UsageError
 
@@ -53,6 +57,7 @@ def train_command(
         bf16=bf16,
         device=device,
         seed=seed,
+        cluster=cluster,
         overwrite=overwrite,
     )
     return Answer(

@@ -10,6 +10,7 @@ import typer
 
 from advpipe.pipeline.cli.shared import Answer, typed
 from advpipe.pipeline.core.progress import with_progress
+from advpipe.pipeline.core.remote_path import located
 
 
 @with_progress("verifying {path}")
@@ -34,7 +35,7 @@ def verify_command(
             print(f"not checked: {gap}")
         print(result)
 
-    next_commands = [typed("view" if path.is_dir() or path.suffix == ".mcap" else "unpack", path)]
+    next_commands = [typed("unpack" if path.suffix == ".tar" else "view", located(path))]
     return Answer(
         json.loads(result.to_json()),
         show,

@@ -29,7 +29,7 @@ from advpipe.pipeline.core.job_engine import JobLimits
 from advpipe.pipeline.core.job_errors import raise_error_of_worker
 from advpipe.pipeline.core.option_names import is_command_line, option_name
 from advpipe.pipeline.core.text import counted, one_line
-from advpipe.pipeline.core.verbosity import detail, notice
+from advpipe.pipeline.core.verbosity import detail, is_verbose, notice
 
 T = TypeVar("T")
 
@@ -45,7 +45,9 @@ NO_NODE_S = 60.0
 """How long to wait for a node when none is left."""
 
 
-def _entry(batch: list[Any], key: str, job: int, copies: Mapping[str, Mapping[str, str]]) -> Any:
+def _entry(
+    batch: list[Any], key: str, job: int, copies: Mapping[str, Mapping[str, str]], verbose: bool
+) -> Any:
     """The task: it travels by value, so that a node without advpipe can say so."""
     import socket
 
@@ -55,7 +57,7 @@ def _entry(batch: list[Any], key: str, job: int, copies: Mapping[str, Mapping[st
         from advpipe.pipeline.cluster.worker import do_job
     except ImportError as error:
         return f"the cluster's node {socket.gethostname()} cannot load advpipe ({error})"
-    return do_job(lambda: ray.get(batch[0]), key, job, copies)
+    return do_job(lambda: ray.get(batch[0]), key, job, copies, verbose)
 
 
 @dataclass
@@ -69,6 +71,7 @@ class RayTasks:
     is_elsewhere: ClassVar[bool] = True
     _copies: Copies = field(default_factory=Copies)
     _machines: set[Machine] = field(default_factory=set)
+    _said: set[str] = field(default_factory=set)
 
     def results(
         self, prepare: Callable[[], Callable[[int], T]], jobs: Sequence[int], limits: JobLimits
@@ -114,6 +117,17 @@ class RayTasks:
                 for each in sorted(self._machines, key=lambda each: (each.processor, each.libraries))
             )
             notice(f"warning: the cluster has machines of several kinds, so last bits may differ: {spelt}")
+
+    def say(self, outcome: Finished | Failed) -> None:
+        """Print what a job said, with the name of its node; what several jobs say, once."""
+        for line in outcome.lines:
+            if line.is_detail:
+                detail(f"{outcome.host}: {line.text}")
+            elif line.text not in self._said:
+                self._said.add(line.text)
+                notice(f"{outcome.host}: {line.text}")
+        if isinstance(outcome, Failed):
+            detail(f"{outcome.host}: a job failed")
 
     def copies_on_node(self, missing: Missing) -> None:
         """Copy to a node what it misses, unless it is lost meanwhile."""
@@ -161,6 +175,7 @@ class _Tasks:
                 if isinstance(outcome, Missing):
                     self._bring_inputs(outcome, job)
                     continue
+                self._engine.say(outcome)
                 if isinstance(outcome, Failed):
                     raise_error_of_worker(outcome.error)
                 assert isinstance(outcome, Finished)
@@ -178,7 +193,7 @@ class _Tasks:
 
     def _submit(self, job: int) -> None:
         places = {node: dict(copies) for node, copies in self._engine.places_of_copies().items()}
-        self._job_of[self._task.remote([self._batch], self._key, job, places)] = job
+        self._job_of[self._task.remote([self._batch], self._key, job, places, is_verbose())] = job
 
     def _bring_inputs(self, missing: Missing, job: int) -> None:
         """Copy to a node what the job did not find there, and submit the job again."""

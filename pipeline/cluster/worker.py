@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import platform
 import socket
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -17,11 +19,15 @@ from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.job_errors import error_for_parent
 from advpipe.pipeline.core.option_names import use_flags
-from advpipe.pipeline.core.verbosity import Verbosity, silence_warnings, use_verbosity
+from advpipe.pipeline.core.text import one_line
+from advpipe.pipeline.core.verbosity import WorkerLine, collected
 from advpipe.pipeline.core.versions import installed
 
 _LIBRARIES = ("numpy", "scipy", "torch", "open3d-cpu", "open3d", "libsumo")
 _CODE = ("pipeline", "stages")
+
+MOST_PRINTED_LINES = 20
+"""Of what a plug-in prints by itself in one job."""
 
 
 @dataclass(frozen=True)
@@ -34,17 +40,21 @@ class Machine:
 
 @dataclass(frozen=True)
 class Finished:
-    """What a job returned; machine: the one that did it."""
+    """What a job returned; machine: the one that did it. lines: what was said while it was done."""
 
     result: Any
     machine: Machine
+    lines: tuple[WorkerLine, ...] = ()
+    host: str = ""
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The error that a job raised."""
+    """The error that a job raised, and what was said before."""
 
     error: Exception
+    lines: tuple[WorkerLine, ...] = ()
+    host: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,25 +99,33 @@ class _Loaded:
 _loaded: _Loaded | None = None
 
 
-def do_job(read_batch: Callable[[], JobBatch], key: str, job: int, copies: NodeCopies) -> Outcome:
+def do_job(
+    read_batch: Callable[[], JobBatch], key: str, job: int, copies: NodeCopies, verbose: bool
+) -> Outcome:
     """Do one job of a batch; what the batch needs is loaded in the first of its jobs.
 
     It is loaded anew for a job before the last one, such as one of a lost node: the function that `prepare`
     returns takes jobs in rising order.
     """
     global _loaded
-    silence_warnings()
-    try:
-        with use_verbosity(Verbosity(quiet=True)):
+    printed, host = io.StringIO(), socket.gethostname()
+
+    def lines() -> tuple[WorkerLine, ...]:
+        others = printed.getvalue().splitlines()[:MOST_PRINTED_LINES]
+        return (*said, *(WorkerLine(one_line(text)) for text in others if text.strip()))
+
+    with collected(verbose) as said, redirect_stdout(printed), redirect_stderr(printed):
+        try:
             if _loaded is None or _loaded.key != key or job < _loaded.last_job:
                 _loaded = None  # frees the memory before the next is loaded
                 _loaded = _load(read_batch(), job, copies)
             _loaded.last_job = job
-            return Finished(_loaded.work(job), this_machine())
-    except MissingInputsError as error:
-        return Missing(this_node(), socket.gethostname(), error.inputs)
-    except Exception as error:
-        return Failed(error_for_parent(error))
+            result = _loaded.work(job)
+        except MissingInputsError as error:
+            return Missing(this_node(), host, error.inputs)
+        except Exception as error:
+            return Failed(error_for_parent(error), lines(), host)
+    return Finished(result, this_machine(), lines(), host)
 
 
 def code_of_advpipe() -> str:

@@ -138,6 +138,14 @@ class RemotePath(PosixPath):
             if len(parts) == len(wanted) and all(map(fnmatchcase, parts, wanted)):
                 yield self.joinpath(*parts)
 
+    def files(self) -> dict[str, int]:
+        """All files below the path, by their names there, with their sizes."""
+        from pyarrow.fs import FileSelector, FileType
+
+        below = len(self.key) + 1
+        found = self.store.get_file_info(FileSelector(self.key, recursive=True))
+        return {info.path[below:]: info.size or 0 for info in found if info.type == FileType.File}
+
     def _names(self, *, recursive: bool) -> list[str]:
         from pyarrow.fs import FileSelector
 

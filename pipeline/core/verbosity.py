@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.status_line import above_status
@@ -37,7 +37,15 @@ class Verbosity:
             raise UsageError("--quiet and --verbose contradict each other; leave one of them out")
 
 
+class WorkerLine(NamedTuple):
+    """What another process would have printed: a notice, or a detail of --verbose."""
+
+    text: str
+    is_detail: bool = False
+
+
 _current = Verbosity()
+_collected: list[WorkerLine] | None = None
 _begin_s = time.monotonic()
 
 
@@ -53,14 +61,16 @@ def is_for_people() -> bool:
 
 def print_result(text: object) -> None:
     """Print a part of the result that is known before the rest, such as a cell of a sweep."""
-    if not _current.quiet:
+    if not _current.quiet and _collected is None:
         with above_status():
             print(text, file=sys.stderr if _current.as_json else sys.stdout, flush=True)
 
 
 def notice(text: object) -> None:
     """Print one line that the user should read although it is not an error."""
-    if not _current.quiet:
+    if _collected is not None:
+        _collected.append(WorkerLine(one_line(text)))
+    elif not _current.quiet:
         with above_status():
             # In one piece: a signal may come after any other write, and its line must not continue this one.
             print(f"{one_line(text)}\n", end="", file=sys.stderr, flush=True)
@@ -68,9 +78,30 @@ def notice(text: object) -> None:
 
 def detail(text: object) -> None:
     """Print one line that only --verbose shows, with the seconds since the command began."""
-    if _current.verbose:
+    if not _current.verbose:
+        return
+    if _collected is not None:
+        _collected.append(WorkerLine(one_line(text), is_detail=True))
+    else:
         with above_status():
             print(f"[{time.monotonic() - _begin_s:6.1f} s] {one_line(text)}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def collected(verbose: bool) -> Iterator[list[WorkerLine]]:
+    """Keep what the block would print, for the process that a worker works for. verbose: details, too."""
+    global _collected
+    before, _collected = _collected, []
+    try:
+        with use_verbosity(Verbosity(verbose=verbose)):
+            yield _collected
+    finally:
+        _collected = before
+
+
+def is_verbose() -> bool:
+    """Whether the command prints details."""
+    return _current.verbose
 
 
 @contextmanager

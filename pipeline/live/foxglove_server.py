@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from queue import SimpleQueue
 from threading import Lock, Thread
@@ -11,15 +12,23 @@ import foxglove
 from foxglove.websocket import Capability
 
 from advpipe.pipeline.core.errors import UsageError, one_line
+from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.live import FOXGLOVE_PORT
 from advpipe.pipeline.live.offered_qos import offered_qos
-from advpipe.pipeline.live.publisher import PublishedTopic
+from advpipe.pipeline.live.publisher import Missed, PublishedTopic
 from advpipe.pipeline.messages.topics import CLOCK
 
 HOST = "127.0.0.1"
 BACKLOG = 256
 """Messages that are kept for a viewer that is too slow; beyond it, it misses the oldest. A step of a drive
 with many radios has some hundred, which come at once."""
+
+_STOP_S = 2.0
+"""For which the end waits; a viewer that reads nothing would hold it up for as long as it is there."""
+
+_SDK_LOG = "foxglove"
+_BACKLOG_LOG = f"{_SDK_LOG}.websocket.connected_client.send_lossy"
+"""Where the SDK says that the backlog of a viewer is full, all that it tells of slow viewers."""
 
 
 class FoxgloveServer:
@@ -30,6 +39,7 @@ class FoxgloveServer:
     """
 
     def __init__(self, port: int = FOXGLOVE_PORT) -> None:
+        self._slow = _SlowViewers()
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
         self._kept: dict[str, deque[tuple[bytes, int]]] = {}
@@ -79,13 +89,20 @@ class FoxgloveServer:
             self._server.broadcast_time(time_ns)
         return True
 
+    def missed(self) -> Missed:
+        """See `Publisher`; the SDK counts nothing."""
+        return Missed(uncounted=self._slow.were_there)
+
     def close(self) -> None:
         """See `Publisher`."""
+        self._slow.close()
         self._wanted.put(None)
         self._worker.join()
         for channel in self._channels.values():
             channel.close()
-        self._server.stop()
+        stopping = Thread(target=self._server.stop, name="end of the server", daemon=True)
+        stopping.start()
+        stopping.join(_STOP_S)
 
     def _send_kept(self) -> None:
         """Send what a topic keeps when a viewer subscribes to it; other viewers receive it once more."""
@@ -93,6 +110,34 @@ class FoxgloveServer:
             with self._lock:
                 for cdr, time_ns in self._kept.get(topic_name, ()):
                     self._channels[topic_name].log(cdr, log_time=time_ns)
+
+
+class _SlowViewers(logging.Handler):
+    """Reads the SDK's log, which otherwise stays as quiet as it was."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.were_there = False
+        logging.getLogger(_SDK_LOG).addHandler(quiet := logging.NullHandler())
+        root, self._log = logging.getLogger(), logging.getLogger(_BACKLOG_LOG)
+        root.addHandler(quiet)  # otherwise the SDK would add one that prints everything
+        foxglove.set_log_level("INFO")
+        root.removeHandler(quiet)
+        self._log.propagate = False
+        self._log.setLevel(logging.INFO)
+        self._log.addHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if not self.were_there:
+            self.were_there = True
+            notice(
+                f"Foxglove: a viewer is too slow ({one_line(record.getMessage())}); beyond {BACKLOG} "
+                "messages, it misses the oldest"
+            )
+
+    def close(self) -> None:
+        self._log.removeHandler(self)
+        super().close()
 
 
 class _Subscriptions:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from cyclonedds.core import DDSException
@@ -13,14 +12,13 @@ from cyclonedds.topic import Topic as DdsTopic
 from cyclonedds.util import duration
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.live.acknowledgements import AcknowledgementWatch
 from advpipe.pipeline.live.dds_types import DdsType
 from advpipe.pipeline.live.offered_qos import offered_qos
-from advpipe.pipeline.live.publisher import PublishedTopic, UnpublishableTypeError
+from advpipe.pipeline.live.publisher import Missed, PublishedTopic, UnpublishableTypeError
 from advpipe.pipeline.live.ros2_node import Ros2Node
 from advpipe.pipeline.live.writer_qos import writer_qos
 from advpipe.pipeline.mcap.channel import Topic
-
-_FLUSH_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class _Writer:
     topic: Topic
     kind: DdsType
     writer: Any
-    is_reliable: bool
+    watch: AcknowledgementWatch | None
 
 
 class Ros2Publisher:
@@ -36,13 +34,15 @@ class Ros2Publisher:
 
     node: under whose name it publishes; `close` closes it, too. A reliable subscriber that does not keep up
     misses messages that are older than the topic's history, as with every publisher that keeps the last
-    ones; where Cyclone's own buffers are full, `publish` waits for up to `BLOCK_S` and then drops the
-    message.
+    ones, and `missed` counts them; where Cyclone's own buffers are full, `publish` waits for up to `BLOCK_S`
+    and then drops the message. What a subscriber's program does not take from its own history, nobody but the
+    subscriber knows.
     """
 
     def __init__(self, node: Ros2Node) -> None:
         self._node = node
         self._writers: dict[str, _Writer] = {}
+        self._watches: list[AcknowledgementWatch] = []
 
     def advertise(self, published: PublishedTopic) -> None:
         """See `Publisher`."""
@@ -55,7 +55,11 @@ class Ros2Publisher:
             raise UnpublishableTypeError(
                 f"{topic.name} cannot be published to ROS 2: DDS refuses its name, its type or its QoS"
             ) from error
-        self._writers[topic.name] = _Writer(topic, kind, writer, offered.is_reliable)
+        watch = None
+        if offered.is_reliable:
+            watch = AcknowledgementWatch(topic.name, offered.depth, partial(_is_acknowledged, writer))
+            self._watches.append(watch)
+        self._writers[topic.name] = _Writer(topic, kind, writer, watch)
         self._node.add_writer(writer)
 
     def publish(self, topic_name: str, cdr: bytes, time_ns: int) -> bool:
@@ -69,22 +73,33 @@ class Ros2Publisher:
             raise AdvpipeError(
                 f"a message of {topic_name} at {time_ns} ns is not a valid {one.topic.type}"
             ) from None
+        if one.watch is not None:
+            one.watch.count(len(cdr))
         return True
 
     def subscribers(self, topic_name: str) -> int:
         """How many subscribers an announced topic has."""
         return len(self._writers[topic_name].writer.matched_sub)
 
+    def missed(self) -> Missed:
+        """See `Publisher`; only of reliable subscribers, as others acknowledge nothing."""
+        return Missed({watch.topic_name: watch.missed for watch in self._watches if watch.missed})
+
     def close(self) -> None:
-        """See `Publisher`: waits up to two seconds for reliable subscribers."""
-        end_s = time.monotonic() + _FLUSH_S
-        for one in self._writers.values():
-            if one.is_reliable:
-                # At the end of this time, Cyclone 11's Python raises AttributeError for want of a constant.
-                with suppress(AttributeError):
-                    one.writer.wait_for_acks(duration(seconds=max(end_s - time.monotonic(), 0.001)))
+        """See `Publisher`: waits up to `PATIENCE_S`, or twice as long, for reliable subscribers."""
+        for watch in self._watches:
+            watch.end()
+        for watch in self._watches:
+            watch.join()
         self._writers.clear()
         self._node.close()
+
+
+def _is_acknowledged(writer: Any, timeout_s: float) -> bool:
+    try:
+        return bool(writer.wait_for_acks(duration(seconds=timeout_s)))
+    except AttributeError:  # at the end of the time: Cyclone 11's Python lacks the constant for it
+        return False
 
 
 def dds_topic_name(topic: Topic) -> str:

@@ -9,7 +9,12 @@ from contextlib import closing, contextmanager
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.live.playback_clock import PlaybackClock
-from advpipe.pipeline.live.publisher import PublishedTopic, Publisher, UnpublishableTypeError
+from advpipe.pipeline.live.publisher import (
+    PublishedTopic,
+    Publisher,
+    UnpublishableTypeError,
+    missed_in_words,
+)
 from advpipe.pipeline.live.registry import open_publisher
 from advpipe.pipeline.live.renaming import RenamingPublisher
 from advpipe.pipeline.mcap.channel import StampedCdr
@@ -32,7 +37,7 @@ class LiveStream:
         self._publisher = publisher
         self._announced: dict[str, bool] = {}
         self._clock: PlaybackClock | None = None
-        self.messages, self.behind_s = 0, 0.0
+        self.messages, self.refused, self.behind_s = 0, 0, 0.0
 
     def publish(self, messages: Sequence[StampedCdr]) -> None:
         """Publish the messages of one step, in the order of their stamps, when the last one is due."""
@@ -48,7 +53,9 @@ class LiveStream:
         self._clock = PlaybackClock(due_ns)
         for topic, cdr, stamp_ns in messages:
             if self._announced[topic.name]:
-                self.messages += self._publisher.publish(topic.name, cdr, stamp_ns)
+                was_taken = self._publisher.publish(topic.name, cdr, stamp_ns)
+                self.messages += was_taken
+                self.refused += not was_taken
 
     def _wait(self, stamp_ns: int) -> None:
         left_s = self._clock.left_s(stamp_ns) if self._clock else 0.0
@@ -78,7 +85,9 @@ def live_stream(name: str | None, names: str = ADVPIPE) -> Iterator[LiveStream |
         notice(f"the drive is published to {place} while it is recorded")
         stream = LiveStream(RenamingPublisher(publisher, names))
         yield stream
-        notice(
-            f"published {counted(stream.messages, 'message')} to {place}, "
-            f"{stream.behind_s:.1f} s behind real time"
-        )
+    missed = publisher.missed()
+    in_words = missed_in_words(stream.refused + sum(missed.messages.values()), missed.uncounted)
+    notice(
+        f"published {counted(stream.messages, 'message')} to {place}, {stream.behind_s:.1f} s behind real "
+        f"time; {in_words}"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -50,17 +51,19 @@ def play(
         player = Player(publishers, keyboard, stopped.is_set)
         loops = _play_loops(player, timeline, options)
     kinds = {one.topic.name: one.topic.type for one in timeline.published}
+    losses = [publisher.missed() for publisher in publishers]
+    missed = player.dropped + sum((Counter(one.messages) for one in losses), Counter[str]())
     return PlaySummary(
         bag=reader.path,
         topics=tuple(
-            PlayedTopic(name, kind, player.sent[name], player.dropped[name])
-            for name, kind in sorted(kinds.items())
+            PlayedTopic(name, kind, player.sent[name], missed[name]) for name, kind in sorted(kinds.items())
         ),
         loops=loops,
         recorded_s=player.recorded_ns * 1e-9,
         late_median_ms=player.lateness.percentile_s(50) * 1e3,
         late_p99_ms=player.lateness.percentile_s(99) * 1e3,
         late_max_ms=player.lateness.max_s * 1e3,
+        missed_uncounted=any(one.uncounted for one in losses),
     )
 
 

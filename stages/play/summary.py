@@ -7,23 +7,25 @@ from pathlib import Path
 
 from advpipe.pipeline.core.tabular import Rows, Tabular
 from advpipe.pipeline.core.text import counted
+from advpipe.pipeline.live.publisher import missed_in_words
 
 
 @dataclass(frozen=True)
 class PlayedTopic:
-    """A topic with its type, the messages that were sent, and those that slow subscribers made it drop."""
+    """A topic, the messages that were sent, and how many of them slow ROS 2 subscribers missed, at least."""
 
     topic: str
     type: str
     messages: int = 0
-    dropped: int = 0
+    missed: int = 0
 
 
 @dataclass(frozen=True, repr=False)
 class PlaySummary(Tabular):
     """What was played, and how late messages were against the recorded rate, in milliseconds.
 
-    recorded_s: recorded seconds, of all loops together.
+    recorded_s: recorded seconds, of all loops together. missed_uncounted: whether a Foxglove viewer was too
+    slow.
     """
 
     bag: Path
@@ -33,6 +35,7 @@ class PlaySummary(Tabular):
     late_median_ms: float
     late_p99_ms: float
     late_max_ms: float
+    missed_uncounted: bool = False
 
     @property
     def messages(self) -> int:
@@ -40,9 +43,9 @@ class PlaySummary(Tabular):
         return sum(topic.messages for topic in self.topics)
 
     @property
-    def dropped(self) -> int:
-        """Messages that slow ROS 2 subscribers did not take."""
-        return sum(topic.dropped for topic in self.topics)
+    def missed(self) -> int:
+        """Messages that slow ROS 2 subscribers missed, at least: they left the history unacknowledged."""
+        return sum(topic.missed for topic in self.topics)
 
     def __str__(self) -> str:
         rounds = f" in {counted(self.loops, 'loop')}" if self.loops > 1 else ""
@@ -50,7 +53,7 @@ class PlaySummary(Tabular):
             f"{self.bag}: {counted(self.messages, 'message')} on {counted(len(self.topics), 'topic')}, "
             f"{self.recorded_s:.1f} recorded seconds{rounds}; late by {self.late_median_ms:.1f} ms (median), "
             f"{self.late_p99_ms:.1f} ms (99 %), {self.late_max_ms:.1f} ms (most); "
-            f"{self.dropped:,} dropped for slow subscribers"
+            f"{missed_in_words(self.missed, self.missed_uncounted)}"
         )
 
     def to_dicts(self) -> Rows:

@@ -16,6 +16,7 @@ from advpipe.pipeline.core.remote_path import RemotePath, located, refuse_remote
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import checksums, layout, signature
 from advpipe.pipeline.dataset.archive import pack, refuse_existing_archive
+from advpipe.pipeline.dataset.download import local_copy
 from advpipe.pipeline.dataset.lay_out import refuse_folder, write_folder
 from advpipe.pipeline.dataset.layout import Layout, read_layout
 from advpipe.pipeline.dataset.upload import upload
@@ -54,10 +55,15 @@ def share(dataset: Path, out: Path, options: ShareOptions = DEFAULT_OPTIONS) -> 
     set itself is not changed. Hidden files, such as those of killed runs, are not copied.
 
     Raises AdvpipeError for an invalid data set, one that a run is writing to, an adversarial bag with another
-    parent, a damaged bag, an unusable key, and an existing output.
+    parent, a damaged bag, an unusable key, and an existing output. A data set in an object store is copied to
+    the folder for temporary files, since every byte of it is read several times.
     """
-    refuse_remote(dataset, "copy the data set to this machine")
-    out = located(out)
+    _refuse_within(located(dataset), located(out))
+    with local_copy(dataset) as copy:
+        return _share(copy, located(out), options)
+
+
+def _share(dataset: Path, out: Path, options: ShareOptions) -> ShareSummary:
     found = read_layout(dataset)
     found.refuse_running()
     _refuse_outputs(found, out, options)
@@ -104,12 +110,14 @@ def _is_archive(out: Path) -> bool:
     return out.suffix == ".tar"
 
 
-def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
-    source, target = found.folder.resolve(), out.resolve()
+def _refuse_within(dataset: Path, out: Path) -> None:
+    source, target = dataset.resolve(), out.resolve()
     if target == source or target in source.parents or source in target.parents:
-        raise UsageError(
-            f"{out} is, contains or is inside the data set {found.folder}; choose another output"
-        )
+        raise UsageError(f"{out} is, contains or is inside the data set {dataset}; choose another output")
+
+
+def _refuse_outputs(found: Layout, out: Path, options: ShareOptions) -> None:
+    target = out.resolve()
     if out.suffix in _OTHER_ARCHIVES:
         raise UsageError(
             f"{out}: an archive is a plain .tar, as bags are already compressed; end the output's "

@@ -54,6 +54,25 @@ class LabelledCloud(Protocol):
 
 
 @dataclass(frozen=True)
+class CroppedFrame:
+    """What is stored of a frame. points: (N, 4), finite. inside: for each box, the rows of its points."""
+
+    points: Points
+    boxes: Boxes
+    inside: tuple[npt.NDArray[np.int64], ...]
+    uncounted: Uncounted
+
+
+def cropped(frame: LabelledCloud, radius_m: float) -> CroppedFrame:
+    """A frame within a radius around the sensor."""
+    points = xyzi(frame.cloud)
+    near = np.hypot(points[:, 0], points[:, 1]) < radius_m
+    points = points[near & np.isfinite(points).all(1)]
+    inside = tuple(points_in_boxes(points, frame.boxes.geometry))
+    return CroppedFrame(points, frame.boxes, inside, frame.uncounted)
+
+
+@dataclass(frozen=True)
 class TrainingFrame:
     """points: (N, 4) x, y, z, intensity. boxes: (M, 7). labels: (M,). counts: (M,) points inside.
 
@@ -91,21 +110,19 @@ class FrameStore:
     @classmethod
     def build(
         cls,
-        frames: Iterable[LabelledCloud],
+        frames: Iterable[CroppedFrame],
         folder: Path,
         key: object,
-        radius_m: float,
         mounts: Iterable[StoredMount] = repeat(StoredMount()),
     ) -> FrameStore:
-        """Store frames, cropped to a radius around the sensor, unless `folder` already holds those of
-        `key`; each frame with its mount."""
+        """Store frames, each with its mount, unless `folder` already holds those of `key`."""
         key_text = json.dumps(key, sort_keys=True)
         key_file = folder / "key.json"
         if key_file.is_file() and key_file.read_text() == key_text:
             return cls(folder)
         partial = PartialFolder(folder)
         try:
-            _store(zip(frames, mounts, strict=False), partial.path, radius_m)
+            _store(zip(frames, mounts, strict=False), partial.path)
             (partial.path / "key.json").write_text(key_text)
             partial.commit(may_replace=lambda _: True)
         except BaseException:
@@ -181,7 +198,7 @@ class FrameStore:
         return np.fromfile(self.folder / name, np.float32, count, offset=16 * int(first)).reshape(-1, 4)
 
 
-def _store(frames: Iterable[tuple[LabelledCloud, StoredMount]], folder: Path, radius_m: float) -> None:
+def _store(frames: Iterable[tuple[CroppedFrame, StoredMount]], folder: Path) -> None:
     """Write the files of a `FrameStore` into an empty folder."""
     boxes, labels, counts, frame_points, frame_boxes = [], [], [], [0], [0]
     uncounted, stored_mounts = [], []
@@ -190,17 +207,13 @@ def _store(frames: Iterable[tuple[LabelledCloud, StoredMount]], folder: Path, ra
         (folder / "objects.bin").open("wb") as objects,
     ):
         for frame, mount in frames:
-            points = xyzi(frame.cloud)
-            near = np.hypot(points[:, 0], points[:, 1]) < radius_m
-            points = points[near & np.isfinite(points).all(1)]
-            inside = points_in_boxes(points, frame.boxes.geometry)
-            points_file.write(points.tobytes())
-            for rows in inside:
-                objects.write(points[rows].tobytes())
+            points_file.write(frame.points.tobytes())
+            for rows in frame.inside:
+                objects.write(frame.points[rows].tobytes())
             boxes.append(frame.boxes.geometry)
             labels.append(frame.boxes.labels)
-            counts += [len(rows) for rows in inside]
-            frame_points.append(frame_points[-1] + len(points))
+            counts += [len(rows) for rows in frame.inside]
+            frame_points.append(frame_points[-1] + len(frame.points))
             frame_boxes.append(frame_boxes[-1] + len(frame.boxes))
             uncounted.append(frame.uncounted)
             stored_mounts.append(mount)

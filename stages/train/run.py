@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import asdict, dataclass
 from math import cos, isfinite, pi
 from pathlib import Path
 
 import torch
 
-from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, has_ground_truth, read_frames
+from advpipe.pipeline.bag.frames import FrameSlice, count_frames, has_ground_truth
 from advpipe.pipeline.bag.ground_truth import BOX_TYPES
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.provenance import parent_sha256
@@ -34,6 +34,7 @@ from advpipe.stages.train.frames import FrameStore
 from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.mounts import expected_height, mounts_of_frames
+from advpipe.stages.train.reading import cropped_frames
 from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
@@ -77,11 +78,17 @@ class TrainSummary(Tabular):
         return [{"class": name, **asdict(precision)} for name, precision in self.precision.items()]
 
 
-def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
+def train(
+    config: TrainConfig,
+    *,
+    overwrite: bool = False,
+    while_reading: Callable[[], AbstractContextManager[None]] = nullcontext,
+) -> TrainSummary:
     """Train a detector on the frames of the bags, or resume an unfinished run with this configuration.
 
     The files of the run's folder: `RunFolder`. The checkpoint does not depend on interruptions of the run,
-    nor on the number of worker processes. Raises AdvpipeError for bags without ground truth, a folder in use,
+    nor on the number of worker processes. while_reading: within it, the bags are read; learning is done here,
+    by one process and its helpers. Raises AdvpipeError for bags without ground truth, a folder in use,
     and a loss that is not finite.
     """
     plan_progress({READING: 5, "train": 90, "validate": 5})
@@ -95,7 +102,8 @@ def train(config: TrainConfig, *, overwrite: bool = False) -> TrainSummary:
             digests = {bag: parent_sha256(bag) for bag in bags}
             origin = training_origin(config, digests)
             folder.open(config, origin, overwrite)
-            store = store_frames(digests, folder, config)
+            with while_reading():
+                store = store_frames(digests, folder, config)
         return _train(folder, net, store, config, drive, origin)
 
 
@@ -192,12 +200,9 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
     r = config.network_preset.range_m
     radius_m = 1.1 * max(abs(r.x_min_m), r.x_max_m) * 2**0.5
 
-    def frames() -> Iterator[Frame]:
-        for bag in digests:
-            yield from track(read_frames(bag), f"read {bag.name}", total=count_frames(bag))
-
+    frames = cropped_frames(tuple(digests), radius_m, folder.path)
     mounts = mounts_of_frames(digests, config.network_preset.expected_input)
-    return FrameStore.build(frames(), folder.frames, [*digests.values(), radius_m, STORED], radius_m, mounts)
+    return FrameStore.build(frames, folder.frames, [*digests.values(), radius_m, STORED], mounts)
 
 
 def validation_drive(config: TrainConfig) -> ValidationDrive | None:

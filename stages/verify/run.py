@@ -9,9 +9,10 @@ from pathlib import Path
 from advpipe.pipeline.bag.locate import bag_named
 from advpipe.pipeline.core.errors import AdvpipeError, os_error_line
 from advpipe.pipeline.core.progress import plan_progress, track
-from advpipe.pipeline.core.remote_path import refuse_remote
+from advpipe.pipeline.core.remote_path import located
 from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.pipeline.dataset import archive
+from advpipe.pipeline.dataset.download import local_copy
 from advpipe.pipeline.dataset.parts import existing_parts, whole_name
 from advpipe.pipeline.mcap.reader import DAMAGE
 from advpipe.stages.verify.checks.base import BagCheck, FolderCheck, MessageCheck, MessageView
@@ -30,17 +31,17 @@ def verify(path: Path, *, quick: bool = False, key: Path | None = None) -> Verif
     """Verify a data set, a bag, an .mcap file or an archive, in bounded memory.
 
     quick: only checksums, signature and the checksums in the bags. key: the signer's public key (PEM). An
-    archive is unpacked to the folder for temporary files. Raises AdvpipeError for any other path, and for an
+    archive is unpacked to the folder for temporary files, and what lies in an object store is copied there.
+    Raises AdvpipeError for any other path, and for an
     invalid key.
     """
     if key is not None:
         from advpipe.pipeline.dataset.signature import load_public_key
 
         load_public_key(key)
-    refuse_remote(path, "copy it to this machine, such as with `aws s3 sync`, and verify the copy")
-    path = bag_named(Path(path))
+    path = located(bag_named(Path(path)))
     result = Verification(str(path), QUICK if quick else tuple(CHECKS))
-    with _opened(path, result) as subject:
+    with local_copy(path) as copy, _opened(copy, result) as subject:
         if subject is not None:
             subject.key = key
             if quick and not subject.has_sums:

@@ -86,7 +86,7 @@ def scheduled_cloud_attacks(
     built = []
     for spec in specs:
         found = relay_spec(spec)
-        attack = build_lidar_attack(found)
+        attack = build_lidar_attack(found).without_losses()
         if attack.needs_ground_truth and getattr(attack, "truth", "") != "detections":
             known = known_parameters(type(attack))
             hint = "set truth: detections in its parameters" if "truth" in known else "take another attack"

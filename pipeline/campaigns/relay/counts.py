@@ -19,8 +19,8 @@ class RelayCounts:
         self.not_taken = 0
         self.latency = Lateness()
 
-    def row(self, topic: str, published: str) -> RelayedTopic:
-        """The counts so far."""
+    def row(self, topic: str, published: str, missed: int) -> RelayedTopic:
+        """The counts so far. missed: by slow subscribers, beside those that were not taken at all."""
         return RelayedTopic(
             topic=topic,
             published=published,
@@ -30,7 +30,7 @@ class RelayCounts:
             added=self.fates[ADDED_BY_ATTACK],
             late=self.fates[LATE],
             withheld=self.withheld,
-            not_taken=self.not_taken,
+            missed=self.not_taken + missed,
             latency_median_ms=self.latency.percentile_s(50) * 1e3,
             latency_p99_ms=self.latency.percentile_s(99) * 1e3,
             latency_max_ms=self.latency.max_s * 1e3,

@@ -67,6 +67,10 @@ class RelayGraph:
         """Send a message under the prefix; False where a slow subscriber does not take it."""
         return self._publisher.publish(self._options.published_name(topic.name), cdr, now_ns)
 
+    def missed(self, topic: Topic) -> int:
+        """How many messages under the prefix slow subscribers missed so far, at least."""
+        return self._publisher.missed().messages.get(self._options.published_name(topic.name), 0)
+
     def close(self) -> None:
         """Withdraw everything, after subscribers have had a moment to take what was sent."""
         self._subscriber.close()

@@ -121,8 +121,14 @@ class _Loop:
 
     def rows(self) -> tuple[RelayedTopic, ...]:
         """What became of each topic's messages so far."""
-        names = ((part.counts, part.topics[0].name) for part in self._parts)
-        return tuple(counts.row(name, self._options.published_name(name)) for counts, name in names)
+        return tuple(
+            part.counts.row(
+                part.topics[0].name,
+                self._options.published_name(part.topics[0].name),
+                self._graph.missed(part.topics[0]),
+            )
+            for part in self._parts
+        )
 
     def run(self, stopped: Deferred) -> str:
         """Until something ends it; returns what."""

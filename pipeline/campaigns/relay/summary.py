@@ -14,7 +14,7 @@ class RelayedTopic:
     """What became of a topic's messages; latency: from arrival to when they were handed to DDS again.
 
     late: sent unchanged since the machine did not keep up. withheld: dropped by an attack, held back by one
-    to the end, or dropped for being late. not_taken: lost since subscribers were too slow.
+    to the end, or dropped for being late. missed: by slow subscribers, at least, as they acknowledge.
     """
 
     topic: str
@@ -25,7 +25,7 @@ class RelayedTopic:
     added: int
     late: int
     withheld: int
-    not_taken: int
+    missed: int
     latency_median_ms: float
     latency_p99_ms: float
     latency_max_ms: float
@@ -36,7 +36,7 @@ class RelayedTopic:
             "added": self.added,
             "late and so unchanged": self.late,
             "withheld": self.withheld,
-            "not taken by slow subscribers": self.not_taken,
+            "or more missed by slow subscribers": self.missed,
         }
         counts = "".join(f", {count:,} {word}" for word, count in parts.items() if count)
         return (

@@ -149,6 +149,11 @@ class LidarAttack(Attack):
         """Minimum and maximum of each quantity that the attack bounds, with its parameters, in any cloud that
         it changes; by names of `advpipe.pipeline.labels.quantities` and of the quantities in its traits."""
 
+    def without_losses(self) -> LidarAttack:
+        """The same attack for where nobody reads the losses of its results, and time counts; it may leave
+        them NaN."""
+        return self
+
     @property
     def uses_surrogate(self) -> bool:
         """Whether a detector of ours may propose changes against one without `occupancy_loss`: the attack is

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ from advpipe.pipeline.adversary.targets import AttackTargets, look
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
 from advpipe.pipeline.baselines import random_points
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.detector.no_detector import NoDetector
 from advpipe.pipeline.detector.protocol import ObjectDetector, VoxelDetector
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.points import PointLabels
@@ -131,6 +133,7 @@ class Detach(LidarAttack):
         self.rounds = checked_integer("detach", "rounds", self.rounds, 1, MAX_ROUNDS)
         self.queries = checked_integer("detach", "queries", self.queries, 2, MAX_ROUNDS)
         self.constraints = Constraints.among(vars(self))
+        self._reports_loss = True
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -140,6 +143,11 @@ class Detach(LidarAttack):
             POINTS_ADDED.name: (0, 0),
             **self.constraints.bounds,
         }
+
+    def without_losses(self) -> Detach:
+        found = copy(self)
+        found._reports_loss = False
+        return found
 
     @property
     def uses_surrogate(self) -> bool:
@@ -175,7 +183,8 @@ class Detach(LidarAttack):
         seen = as_seen_by(self.recipe, detector)
         boxes = known_boxes(self.constraints, seen, scene, boxes)
         goal = goal_of(self.constraints, seen, scene, boxes)
-        loss_before, found = look(detector, points, goal.reported_targets)
+        judge = detector if self._reports_loss or self.recipe != "paper" else NoDetector()
+        loss_before, found = look(judge, points, goal.reported_targets)
         if not len(goal.targets) and (self.recipe != "random" or self.constraints.objects):
             return unchanged(cloud, goal.note)
         rules = Rules(self.constraints, points[:, :3], boxes)
@@ -190,7 +199,7 @@ class Detach(LidarAttack):
         except NoGradientError:
             return unchanged(cloud, join_notes(goal.note, NO_GRADIENT), loss_before)
         removed = finite[chosen]
-        loss_after, _ = look(detector, np.delete(points, chosen, axis=0), goal.reported_targets)
+        loss_after, _ = look(judge, np.delete(points, chosen, axis=0), goal.reported_targets)
         note = join_notes(goal.note if len(goal.targets) else "", note, shortage)
         kept = np.ones(len(cloud), bool)
         kept[removed] = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import sys
 import time
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from advpipe.pipeline.cluster.ray_tasks import RayTasks
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.job_errors import UnexpectedInWorkerError
 from advpipe.pipeline.core.jobs import map_jobs, stream_jobs
+from advpipe.pipeline.core.verbosity import Verbosity, use_verbosity
 
 pytestmark = pytest.mark.nightly
 
@@ -25,6 +27,7 @@ CODE = """
 import os, time
 from pathlib import Path
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.verbosity import detail, notice
 
 def prepare(text, log, pause_s=0.0, fault=""):
     content = Path(text).read_text()
@@ -39,6 +42,10 @@ def prepare(text, log, pause_s=0.0, fault=""):
             raise UsageError("job 3 is bad")
         if fault == "bug" and job == 3:
             [].pop()
+        if fault == "says":
+            notice(f"something about job {job // 20}")
+            print("a plug-in prints")
+            detail("a detail")
         if fault == "write":
             (Path(text).parent / "out" / f"{job}.txt").write_text("x")
         return job, content
@@ -88,6 +95,19 @@ def test_an_unexpected_error_carries_its_traceback(cluster: RayCluster, prepare:
     with use_cluster(cluster.address), pytest.raises(UnexpectedInWorkerError) as raised:
         map_jobs(partial(prepare, fault="bug"), range(10), "reading")
     assert "in work\n    [].pop()" in str(raised.value.__cause__)
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_what_workers_say_comes_with_the_name_of_their_node(
+    cluster: RayCluster, prepare: partial[Any], capsys: pytest.CaptureFixture[str], verbose: bool
+) -> None:
+    """Notices, and what plug-ins print, once; details with --verbose."""
+    with use_verbosity(Verbosity(verbose=verbose)), use_cluster(cluster.address):
+        map_jobs(partial(prepare, fault="says"), range(40), "reading")
+    said, host = capsys.readouterr().err, socket.gethostname()
+    for text in ("something about job 0", "something about job 1", "a plug-in prints"):
+        assert said.count(f"{host}: {text}\n") == 1
+    assert said.count(f"{host}: a detail\n") == (40 if verbose else 0)
 
 
 def test_a_slow_driver_gets_few_results_ahead(
@@ -160,7 +180,7 @@ def test_a_node_that_does_not_see_the_input(prepare: partial[Any], tmp_path: Pat
     """It gets a copy to read; a folder to write in must be shared."""
     with ray_cluster(0) as alone:
         alone.add_without(tmp_path / "inputs")
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 150  # a node starts in seconds, but not on a busy machine
         while time.monotonic() < deadline:
             try:
                 with use_cluster(alone.address):

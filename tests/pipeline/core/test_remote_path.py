@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import pickle
+import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +17,7 @@ import advpipe
 from advpipe.commands.paths import output_beside
 from advpipe.pipeline.bag.locate import adversarial_bags, resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.core.errors import OutputExistsError, UsageError
+from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError, UsageError
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.core.remote_path import RemotePath, located, store_of
 from advpipe.pipeline.dataset.upload import upload
@@ -136,11 +138,38 @@ def test_what_is_not_there_is_one_line(bucket: str, name: str) -> None:
         resolve_bag(Path(name))
 
 
-def test_verify_and_share_ask_for_a_copy(uploaded: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="aws s3 sync"):
+def test_verify_reads_a_store(dataset: Path, uploaded: Path, bucket: str) -> None:
+    """A data set, a bag and a file; what was changed there is found."""
+    result = verify(uploaded)
+    assert result.is_good
+    assert result.path == "s3://drives/drive"
+    assert verify(uploaded / "jump").is_good
+    assert verify(uploaded / "clean" / "clean_0.mcap", quick=True).is_good
+    assert not [*Path(tempfile.gettempdir()).glob("advpipe-*/files/drive")]
+    broken = share(dataset, Path(f"s3://{bucket}/broken")).made[0]
+    assert isinstance(broken, RemotePath)
+    with broken.store.open_output_stream((broken / "scenario.yaml").key) as stream:
+        stream.write(b"name: other")
+    (finding, *_) = verify(Path(f"s3://{bucket}/broken"), quick=True).findings
+    assert "scenario.yaml" in str(finding)
+    with pytest.raises(UsageError, match=r"^s3://drives/nothing does not exist"):
+        verify(Path(f"s3://{bucket}/nothing"))
+
+
+def test_share_copies_from_a_store_and_within_it(uploaded: Path, bucket: str, tmp_path: Path) -> None:
+    share(uploaded, tmp_path / "shared")
+    assert verify(tmp_path / "shared").is_good
+    again = Path(f"s3://{bucket}/again")
+    share(uploaded, again)
+    assert verify(again).is_good
+    with pytest.raises(UsageError, match="is inside the data set s3://drives/drive; choose another output"):
+        share(uploaded, uploaded / "inside")
+
+
+def test_a_disk_without_room_is_one_line(uploaded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(10, 0, 10))
+    with pytest.raises(AdvpipeError, match=r"^s3://drives/drive: \d+ bytes are needed in \S+, 10 are free"):
         verify(uploaded)
-    with pytest.raises(UsageError, match="copy the data set to this machine"):
-        share(uploaded, tmp_path / "shared")
 
 
 def test_a_drive_is_evaluated_where_it_lies(dataset: Path, uploaded: Path, tmp_path: Path) -> None:

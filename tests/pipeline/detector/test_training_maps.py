@@ -110,11 +110,10 @@ def test_only_a_sha256_identifies_a_map() -> None:
 
 def test_the_map_of_the_default_scenario_is_held_out(tmp_path: Path) -> None:
     """By its map, whatever the seed; and `make demo` records the same drive as `advpipe simulate`."""
-    import inspect
 
-    from advpipe.pipeline.cli.simulate import simulate_command
+    from advpipe.pipeline.cli.simulate import DEFAULT
 
-    name = inspect.signature(simulate_command).parameters["scenario"].default
+    name = DEFAULT
     assert f"advpipe simulate {name} " in (ROOT / "Makefile").read_text()
     small, scenario = load_detector("small"), load_scenario(name)
     for seed in (scenario.simulation.seed, 101):

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import struct
 from collections.abc import Iterator
 from typing import Any
@@ -117,7 +118,10 @@ def test_late_viewers_receive_what_latched_topics_keep(server: FoxgloveServer) -
                 late.next(0.2)
 
 
-def test_a_slow_viewer_misses_the_oldest_and_memory_is_bounded(server: FoxgloveServer) -> None:
+def test_a_slow_viewer_misses_the_oldest_and_memory_is_bounded(
+    server: FoxgloveServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not server.missed().uncounted
     (raw, *_) = BagReader(shipped_sample() / "clean").raw_messages(["/ego/lidar/points"])
     server.advertise(PublishedTopic(raw.topic, raw.schema))
     with viewer(server, 4) as slow:
@@ -132,6 +136,11 @@ def test_a_slow_viewer_misses_the_oldest_and_memory_is_bounded(server: FoxgloveS
     assert times == sorted(times)
     assert times[-1] == 4 * BACKLOG - 1
     assert len(times) < 2 * BACKLOG
+    assert server.missed().uncounted
+    said = capsys.readouterr().err
+    assert re.fullmatch(
+        r"Foxglove: a viewer is too slow \(outbox for client 127\.0\.0\.1:\d+ full\); .*\n", said
+    )
 
 
 def test_a_port_that_is_taken(server: FoxgloveServer) -> None:

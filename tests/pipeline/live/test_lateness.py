@@ -21,5 +21,8 @@ def test_none_early_and_hours() -> None:
     assert lateness.percentile_s(50) == lateness.max_s == 0
     lateness.add(-1e-9)
     assert lateness.percentile_s(99) == 0
-    lateness.add(7200.0)
+    for late_s in (5.0, 5.0, 5.0, 7200.0):
+        lateness.add(late_s)
+    assert lateness.percentile_s(50) == pytest.approx(5, abs=0.02)
+    assert lateness.percentile_s(100) == 7200
     assert lateness.max_s == 7200

@@ -18,10 +18,12 @@ from chromium import needs_browser, running_browser
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.dataset.sample import shipped_sample
+from advpipe.pipeline.viewer_layouts.files import FOXGLOVE, layout_texts
 
 FOLDER = os.environ.get("ADVPIPE_LICHTBLICK", "")
 BAG = shipped_sample() / "clean"
 PLAY = [sys.executable, "-m", "advpipe", "play", str(BAG)]
+PLACEHOLDER = "/*LICHTBLICK_SUITE_DEFAULT_LAYOUT_PLACEHOLDER*/"
 TOPICS_TAB = "document.querySelector('[data-testid=topics-left]')"
 
 pytestmark = [
@@ -31,14 +33,34 @@ pytestmark = [
 ]
 
 
-class QuietHandler(SimpleHTTPRequestHandler):
+OBJECTS = "/ego/ground_truth/objects"
+
+
+class Pages(SimpleHTTPRequestHandler):
+    """The build, whose place for a layout to begin with (its container's way) has the bag's own."""
+
+    def do_GET(self) -> None:
+        if not self.path.startswith("/?"):
+            super().do_GET()
+            return
+        page = (Path(FOLDER) / "index.html").read_text(encoding="utf-8")
+        assert PLACEHOLDER in page
+        filled = page.replace(PLACEHOLDER, layout_texts(BAG)[FOXGLOVE]).encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.send_header("Content-Length", str(len(filled)))
+        self.end_headers()
+        self.wfile.write(filled)
+
     def log_message(self, *arguments: object) -> None: ...
 
 
-def test_it_connects_and_lists_the_topics(tmp_path: Path) -> None:
+def test_it_lists_the_topics_and_decodes_the_objects(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    topics = set(BagReader(BAG, debug=True).topics)
-    pages = ThreadingHTTPServer(("127.0.0.1", 0), partial(QuietHandler, directory=FOLDER))
+    bag = BagReader(BAG, debug=True)
+    topics = set(bag.topics)
+    counts = {f"detections [] {len(message.detections)} items" for _, message in bag.messages(OBJECTS)}
+    pages = ThreadingHTTPServer(("127.0.0.1", 0), partial(Pages, directory=FOLDER))
     threading.Thread(target=pages.serve_forever, daemon=True).start()
     player = subprocess.Popen(
         [*PLAY, "--foxglove", "--port", "0", "--loop"], stderr=subprocess.PIPE, text=True
@@ -57,9 +79,12 @@ def test_it_connects_and_lists_the_topics(tmp_path: Path) -> None:
             browser.wait(f"!!{TOPICS_TAB}")
             browser.evaluate(f"{TOPICS_TAB}.click()")
             browser.wait("document.body.innerText.includes('/ego/lidar/points')")
+            browser.wait(r"/detections\s/.test(document.body.innerText)")
             (tmp_path / "lichtblick.png").write_bytes(browser.screenshot())
-            listed = set(browser.evaluate("document.body.innerText").splitlines())
+            text = browser.evaluate("document.body.innerText")
+            listed = {" ".join(line.split()) for line in text.splitlines()}
             assert topics <= listed, f"not listed: {sorted(topics - listed)}"
+            assert counts & listed, f"none of {counts} in the panel of raw messages"
     finally:
         player.terminate()
         player.wait(30)

@@ -14,11 +14,14 @@ from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.dataset.sample import shipped_sample
 from advpipe.pipeline.live.publisher import PublishedTopic, UnpublishableTypeError
 from advpipe.pipeline.mcap.channel import Topic
+from advpipe.pipeline.mcap.qos import keep_last
+from advpipe.pipeline.messages.build import string
 from advpipe.pipeline.messages.topics import CLOCK
-from advpipe.pipeline.messages.types import schema_text, type_hash
+from advpipe.pipeline.messages.types import schema_text, serialise, type_hash
 
 pytest.importorskip("cyclonedds")
 
+from advpipe.pipeline.live.acknowledgements import PATIENCE_S
 from advpipe.pipeline.live.dds_domain import domain_configuration, domain_id_of_environment
 from advpipe.pipeline.live.ros2 import Ros2Publisher, dds_topic_name
 from advpipe.pipeline.live.ros2_node import Ros2Node
@@ -91,8 +94,10 @@ def test_another_process_receives_what_rosbags_reads(domain: int) -> None:
 
 
 @pytest.mark.oracle
-def test_a_subscriber_that_takes_nothing_costs_neither_time_nor_memory(domain: int) -> None:
-    """185 MB of clouds, of which the topic's history keeps five."""
+def test_a_subscriber_that_takes_nothing_costs_neither_time_nor_memory(
+    domain: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """185 MB of clouds, of which the topic's history keeps five; what it misses is counted, and said once."""
     (raw, *_) = BagReader(SAMPLE).raw_messages(["/ego/lidar/points"])
     publisher = Ros2Publisher(Ros2Node(domain, "lo"))
     publisher.advertise(PublishedTopic(raw.topic, raw.schema))
@@ -103,9 +108,40 @@ def test_a_subscriber_that_takes_nothing_costs_neither_time_nor_memory(domain: i
             publisher.publish(raw.topic.name, raw.cdr, 0)
         assert resident_mb() - before_mb < 60
         assert time.monotonic() - begin_s < 400 * BLOCK_S
+        time.sleep(PATIENCE_S + 1)
+        for _ in range(30):
+            publisher.publish(raw.topic.name, raw.cdr, 0)
+            time.sleep(0.1)
         begin_s = time.monotonic()
         publisher.close()
         assert time.monotonic() - begin_s < 10
+    missed = publisher.missed().messages
+    assert list(missed) == [raw.topic.name]
+    assert 10 < missed[raw.topic.name] <= 430
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(
+        f"{raw.topic.name}: a reliable subscriber is too slow, or gone: it has acknowledged"
+    )
+
+
+@pytest.mark.oracle
+def test_nothing_is_missed_by_quick_subscribers_of_quick_topics(
+    domain: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Acknowledgements of small messages come late, and always for some of them alone."""
+    publisher = Ros2Publisher(Ros2Node(domain, "lo"))
+    words = Topic("/words", "std_msgs/msg/String", keep_last(2))
+    publisher.advertise(PublishedTopic(words, schema_text(words.type)))
+    with dds_subscriber(domain, ("rt/words", "string", "reliable")) as seen:
+        wait_for_subscribers(publisher, "/words")
+        for number in range(600):
+            publisher.publish("/words", serialise(string(str(number)), words.type), 0)
+            time.sleep(0.005)
+        publisher.close()
+        samples, _ = seen()
+    assert len(samples) == 600
+    assert publisher.missed().messages == {}
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.oracle

@@ -61,7 +61,7 @@ def test_a_bag_to_ros_2() -> None:
     said = json.loads(done.stdout)
     recorded = BagReader(Path(SAMPLE)).topics
     messages = sum(topic.count for topic in recorded.values())
-    assert (said["messages"], said["dropped"], said["loops"]) == (messages, 0, 1)
+    assert (said["messages"], said["missed"], said["loops"]) == (messages, 0, 1)
     assert said["recorded_s"] == pytest.approx(0.2, abs=0.01)
     assert [sum(one["topic"] == name for one in samples) for name, *_ in topics] == [3, 3]
     assert len(publications) == len(said["topics"]) == len(recorded) > 15
@@ -92,6 +92,50 @@ def test_a_bag_to_foxglove_again_and_again_until_it_is_stopped() -> None:
     assert times_ns == [expected[(start + number) % 3] for number in range(7)]
     assert process.returncode == 0, errors
     assert "loops; late by" in out
+
+
+@pytest.mark.oracle
+def test_a_slow_subscriber_is_one_line_and_is_counted() -> None:
+    """One that takes a single message, and then sleeps."""
+    pytest.importorskip("cyclonedds")
+    domain = new_domain()
+    where = ["--ros2", "--domain", str(domain), "--interface", "lo", "--delay", "2", "--loop"]
+    with (
+        dds_subscriber(domain, ("rt/ego/lidar/points", "cloud", "reliable"), slow_s=60),
+        playing(SAMPLE, *where, "--topics", "/ego/lidar/points", "--json") as process,
+    ):
+        time.sleep(10)
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=30)
+    (line,) = [line for line in errors.splitlines() if "too slow" in line]
+    assert line.startswith("/ego/lidar/points: a reliable subscriber is too slow, or gone: ")
+    said = json.loads(out)
+    clouds = next(one for one in said["topics"] if one["topic"] == "/ego/lidar/points")
+    assert 10 < clouds["missed"] == said["missed"] < clouds["messages"]
+
+
+@pytest.mark.oracle
+def test_a_slow_viewer_is_one_line() -> None:
+    """One that subscribes, and then reads nothing; it does not hold up the end."""
+    pytest.importorskip("foxglove")
+    where = ["--foxglove", "--port", "0", "--loop", "--rate", "20", "--topics", "/ego/lidar/points"]
+    with playing(SAMPLE, *where) as process:
+        url = wait_for_address(process)
+        with connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as viewer:  # type: ignore[list-item]
+            channels: list[dict[str, object]] = []
+            while len(channels) < 2:
+                channels += json.loads(viewer.recv(timeout=20)).get("channels", [])
+            (wanted,) = [one["id"] for one in channels if one["topic"] == "/ego/lidar/points"]
+            viewer.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": wanted}]}))
+            assert process.stderr is not None
+            while "a viewer is too slow" not in (line := process.stderr.readline()):
+                assert line, process.communicate()
+            process.send_signal(signal.SIGINT)
+            begin_s = time.monotonic()
+            out, _ = process.communicate(timeout=30)
+            assert time.monotonic() - begin_s < 15
+    assert line.startswith("Foxglove: a viewer is too slow (outbox for client 127.0.0.1:")
+    assert out.rstrip().endswith("; a slow viewer missed some")
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """A drive that is published while it is recorded."""
 
+import re
 import time
 from pathlib import Path
 
@@ -48,6 +49,25 @@ def test_another_process_receives_the_drive_that_the_bag_holds(
     assert [info] == [message.data for _, message in reader.messages("/scenario/info")]
     count = sum(topic.count for topic in reader.topics.values())
     assert f"published {count} messages to ROS 2 domain {domain}, " in capsys.readouterr().err
+
+
+@pytest.mark.oracle
+@pytest.mark.nightly
+def test_a_slow_subscriber_is_one_line_and_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("cyclonedds")
+    domain = new_domain()
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    scenario = load_scenario("smoke", (*SETTINGS, "simulation.duration_s=8"))
+    with dds_subscriber(domain, ("rt/ego/lidar/points", "cloud", "reliable"), slow_s=90):
+        simulate(scenario, tmp_path / "live", live="ros2")
+    said = capsys.readouterr().err.splitlines()
+    (line,) = [line for line in said if "too slow" in line]
+    assert line.startswith("/ego/lidar/points: a reliable subscriber is too slow, or gone: ")
+    assert re.search(r"; slow subscribers missed at least \d\d messages$", said[-1])
 
 
 class Noting:

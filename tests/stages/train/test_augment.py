@@ -12,14 +12,16 @@ from advpipe.pipeline.geometry.boxes import count_points
 from advpipe.pipeline.geometry.iou import iou_bev
 from advpipe.stages.train.augment import ObjectBank, augment, flip, rotate
 from advpipe.stages.train.config import Augmentation
-from advpipe.stages.train.frames import FrameStore
+from advpipe.stages.train.frames import FrameStore, cropped
 
 VOXEL = (0.1, 0.1, 0.15)
 
 
 @pytest.fixture
 def store(drive, tmp_path):
-    return FrameStore.build(read_frames(drive), tmp_path / "frames", "key", 30.0)
+    return FrameStore.build(
+        (cropped(frame, 30.0) for frame in read_frames(drive)), tmp_path / "frames", "key"
+    )
 
 
 def inside(frame):

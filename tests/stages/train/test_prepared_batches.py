@@ -13,13 +13,15 @@ from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.families import family_named
 from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
-from advpipe.stages.train.frames import FrameStore
+from advpipe.stages.train.frames import FrameStore, cropped
 from advpipe.stages.train.prepared_batches import BatchGradients, unordered_sums
 
 
 @pytest.fixture
 def examples(drive: Path, tmp_path: Path, tiny: str) -> Examples:
-    store = FrameStore.build(read_frames(resolve_bag(drive)), tmp_path / "frames", "key", 20.0)
+    store = FrameStore.build(
+        (cropped(frame, 20.0) for frame in read_frames(resolve_bag(drive))), tmp_path / "frames", "key"
+    )
     return Examples(store, TrainConfig(bags=(drive,), out=tmp_path, preset=tiny, batch_size=2))
 
 

@@ -19,7 +19,7 @@ from advpipe.pipeline.geometry.regions import ConvexRegion, LabelCoverage
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 from advpipe.stages.train.augment import augment
 from advpipe.stages.train.config import Augmentation
-from advpipe.stages.train.frames import FrameStore, TrainingFrame
+from advpipe.stages.train.frames import FrameStore, TrainingFrame, cropped
 from advpipe.stages.train.mounts import expected_height, mounts_of_frames
 from tests.stages.import_.importing import import_form
 from tests.stages.import_.kitti.kitti_folders import write_object_frames
@@ -38,7 +38,7 @@ def places(count: int = 5000) -> np.ndarray:
 def test_a_store_keeps_what_does_not_count(drive: Path, tmp_path: Path) -> None:
     parts = (Uncounted(), PARTIAL) * 3
     frames = [replace(frame, uncounted=part) for frame, part in zip(read_frames(drive), parts, strict=True)]
-    store = FrameStore.build(frames, tmp_path / "frames", "key", 100.0)
+    store = FrameStore.build((cropped(frame, 100.0) for frame in frames), tmp_path / "frames", "key")
     for k in range(len(frames)):
         stored = store.frame(k)
         assert len(stored.ignored) == k % 2
@@ -51,7 +51,9 @@ def test_a_store_keeps_what_does_not_count(drive: Path, tmp_path: Path) -> None:
 def test_regions_turn_with_the_points(drive: Path, tmp_path: Path, seed: int) -> None:
     """A point that counted before counts afterwards, wherever it has moved."""
     frame = replace(next(read_frames(drive)), uncounted=PARTIAL)
-    stored = FrameStore.build([frame], tmp_path / "frames", "key", 100.0).frame(0)
+    stored = FrameStore.build((cropped(frame, 100.0) for frame in [frame]), tmp_path / "frames", "key").frame(
+        0
+    )
 
     def augmented(given: TrainingFrame) -> TrainingFrame:
         changes = Augmentation(drop=0.0, jitter_m=0.0, paste=(0, 0, 0, 0))
@@ -105,7 +107,7 @@ def test_clouds_of_drives_are_seen_from_the_height_that_the_preset_expects(tmp_p
     assert [round(mount.raised_m, 6) for mount in mounts] == [-0.3] * (len(frames) // 2) + [0.2] * (
         len(frames) // 2
     )
-    store = FrameStore.build(frames, tmp_path / "frames", "key", 100.0, mounts)
+    store = FrameStore.build((cropped(frame, 100.0) for frame in frames), tmp_path / "frames", "key", mounts)
     for i in (0, len(frames) - 1):
         recorded, raised_m = frames[i], mounts[i].raised_m
         stored = store.frame(i)

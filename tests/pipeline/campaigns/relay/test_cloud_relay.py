@@ -1,5 +1,6 @@
 """Clouds between their publisher and their consumers: their order, and attacks that take too long."""
 
+import re
 import threading
 import time
 from pathlib import Path
@@ -11,10 +12,15 @@ import pytest
 from relay_messages import BEGIN_NS, cloud, cloud_cdr
 from relay_parts import recording, settings_of
 
+from advpipe.pipeline.adversary.constraints import Constraints
+from advpipe.pipeline.adversary.goal import known_boxes
+from advpipe.pipeline.adversary.targets import detection_loss, find_targets
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.relay.cloud_relay import CloudRelay
 from advpipe.pipeline.campaigns.relay.outgoing import ATTACKED, LATE, UNCHANGED, OutgoingMessage
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.detector.attacked import load_attacked
+from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import cloud_from_cdr
 from advpipe.stages.attack.lidar.base import Budget, LidarAttack, LidarResult, LidarTraits, unchanged
 
@@ -34,6 +40,16 @@ class Slow(LidarAttack):
 
     def __call__(self, cloud: Any, boxes: Any, detector: Any, rng: Any) -> LidarResult:
         assert gate.wait(20)
+        return unchanged(cloud, "")
+
+
+class Leisurely(Slow):
+    """Takes longer than the time between two clouds."""
+
+    traits = Slow.traits
+
+    def __call__(self, cloud: Any, boxes: Any, detector: Any, rng: Any) -> LidarResult:
+        time.sleep(0.45 if len(cloud) == 10 else 0)
         return unchanged(cloud, "")
 
 
@@ -166,7 +182,45 @@ def test_one_pass_of_a_detectors_gradient(tmp_path: Path) -> None:
     (frame,) = pq.read_table(tmp_path / "bag" / "frames.parquet").to_pylist()
     assert sent.fate == ATTACKED
     assert frame["points_adversarial"] == frame["points_clean"] - round(0.01 * frame["points_clean"])
-    assert frame["loss_after"] > frame["loss_before"]
+    assert np.isnan([frame["loss_before"], frame["loss_after"]]).all()
+    clean, attacked = (cloud_from_cdr(cdr).cloud for cdr in (raw.cdr, sent.cdr))
+    detector = load_attacked("small")
+    targets = find_targets(
+        detector, clean, known_boxes(Constraints(truth="detections"), detector, clean, Boxes())
+    )
+    losses = [detection_loss(detector, cloud, targets) for cloud in (clean, attacked)]
+    assert losses[1] > losses[0]
+
+
+def test_a_rate_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One cloud is attacked, those that come meanwhile keep their pace behind it, and so on."""
+    settings = settings_of({**SLOW, "type": f"{__name__}:Leisurely"}, max_latency_s=5)
+    period_s, sent = 0.1, []
+    with recording(tmp_path / "bag", has_clouds=True) as recorder:
+        relay = CloudRelay(settings, settings.attacks, recorder)
+        relay.begin(BEGIN_NS)
+        begin_s = time.monotonic()
+        for number in range(20):
+            while time.monotonic() < begin_s + number * period_s:
+                sent += [(one, time.monotonic()) for one in relay.due(BEGIN_NS, time.monotonic())]
+                time.sleep(0.002)
+            relay.take(cloud_cdr(number, 10), BEGIN_NS, time.monotonic())
+        while len(sent) < 20:
+            sent += [(one, time.monotonic()) for one in relay.due(BEGIN_NS, time.monotonic())]
+            time.sleep(0.002)
+        relay.end()
+    assert [one.cdr for one, _ in sent] == [cloud_cdr(number, 10) for number in range(20)]
+    attacked = [number for number, (one, _) in enumerate(sent) if one.fate == UNCHANGED]
+    assert 3 <= len(attacked) <= 5
+    assert attacked[0] == 0
+    assert sum(one.fate == LATE for one, _ in sent) == 20 - len(attacked)
+    gaps_s = np.diff([at_s for _, at_s in sent])
+    assert np.median(gaps_s) == pytest.approx(period_s, abs=0.03)
+    assert all(at_s - (one.arrival_s or 0) < 1.5 for one, at_s in sent)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(
+        r"some clouds are passed on unchanged \(others were being attacked, 0\.[4-9] s for each\)", line
+    )
 
 
 def test_a_rehearsal_leaves_no_trace(tmp_path: Path) -> None:

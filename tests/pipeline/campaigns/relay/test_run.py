@@ -108,6 +108,34 @@ def test_a_consumer_receives_what_the_bag_records(tmp_path: Path, number: signal
 
 @pytest.mark.nightly
 @pytest.mark.oracle
+def test_a_slow_consumer_is_one_line_and_is_counted(tmp_path: Path) -> None:
+    """One that takes a single message, and then sleeps: a stamp a cloud, ten a second, for eight seconds."""
+    pytest.importorskip("cyclonedds")
+    domain = new_domain()
+    (raw, *_) = BagReader(Path(SAMPLE)).raw_messages(["/ego/lidar/points"])
+    with BagWriter(tmp_path / "drive", provenance={"kind": "clean"}) as bag:
+        for number in range(80):
+            bag.write_cdr(raw.topic, raw.cdr, BEGIN_NS + number * 10**8)
+    (tmp_path / "relay.yaml").write_text("attacks: {type: remove-sector}")
+    where = ["--ros2", "--domain", str(domain), "--interface", "lo"]
+    relay_where = [*where, "--attack", str(tmp_path / "relay.yaml"), "--out", str(tmp_path / "out"), "--json"]
+    with (
+        relaying(*relay_where) as process,
+        dds_subscriber(domain, ("rt/attacked/ego/lidar/points", "cloud", "reliable"), slow_s=90),
+    ):
+        wait_until_it_stands(process)
+        playing = ["play", str(tmp_path / "drive"), *where, "--delay", "3", "-q"]
+        subprocess.run([*ADVPIPE, *playing], check=True)
+        process.send_signal(signal.SIGINT)
+        text, errors = process.communicate(timeout=60)
+    (line,) = [line for line in errors.splitlines() if "too slow" in line]
+    assert line.startswith("/attacked/ego/lidar/points: a reliable subscriber is too slow, or gone: ")
+    (clouds,) = json.loads(text)["topics"]
+    assert 20 < clouds["missed"] < clouds["sent"] == clouds["received"] == 80
+
+
+@pytest.mark.nightly
+@pytest.mark.oracle
 def test_a_player_that_begins_again(tmp_path: Path) -> None:
     """/clock jumps back: the relay ends, and its bag has one time line."""
     pytest.importorskip("cyclonedds")
