@@ -136,7 +136,7 @@ class DetectorConfig:
     memory_s: float = 4.0
     pardon_s: float = tuned.PARDON_S
     road_pardon_s: float = 1.0
-    acceleration_pardon_s: float = 10.0
+    acceleration_pardon_s: float = tuned.ACCELERATION_PARDON_S
     window_s: float = 3.0
     kalman_acceleration_mps2: float = 2.0
 
