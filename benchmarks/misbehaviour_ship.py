@@ -73,6 +73,7 @@ CANDIDATES: dict[str, tuple[float, ...]] = {{
 """What the search chose each threshold from, from high to low."""
 
 PARDON_S: float = {self.config.pardon_s:g}
+ACCELERATION_PARDON_S: float = {self.config.acceleration_pardon_s:g}
 
 CATCH_BOUNDED: dict[str, float] = {{
 {_items(asdict(self.bounded))}}}
@@ -105,7 +106,8 @@ def ship(drives: MisbehaviourDrives, honest: Site | None, parts: Sequence[str]) 
 
 
 def _with_ours(found: TunedFile, streams: Sequence[Stream]) -> TunedFile:
-    base = DetectorConfig(pardon_s=max(PARDON_S))  # whatever is shipped today
+    longest_s = max(PARDON_S)  # whatever is shipped today
+    base = DetectorConfig(pardon_s=longest_s, acceleration_pardon_s=longest_s)
     exact = threshold_candidates([each for each in streams if not each.attack], base)
     candidates = {name: tuple(map(_four_digits, levels)) for name, levels in exact.items()}
     best = tune(candidates, evaluated(streams), base)

@@ -50,35 +50,36 @@ CANDIDATES: dict[str, tuple[float, ...]] = {
 """What the search chose each threshold from, from high to low."""
 
 PARDON_S: float = 30
+ACCELERATION_PARDON_S: float = 3
 
 CATCH_BOUNDED: dict[str, float] = {
-    "max_range_m": 975.2,
-    "max_off_road_m": 0.6402,
-    "max_speed_mps": 41.9,
-    "max_acceleration_mps2": 4.844,
-    "max_deceleration_mps2": 5.324,
-    "max_heading_change_rad": 1.637,
-    "max_intersection_s": 3.717,
-    "max_time_s": 3.594,
-    "heading_time_s": 4.28,
-    "margin_up_m": 1.148,
-    "margin_down_m": 4.49,
-    "off_road_speed_mps": 1.326,
+    "max_range_m": 1000.0,
+    "max_off_road_m": 0.5097,
+    "max_speed_mps": 37.33,
+    "max_acceleration_mps2": 4.825,
+    "max_deceleration_mps2": 8.186,
+    "max_heading_change_rad": 1.768,
+    "max_intersection_s": 3.334,
+    "max_time_s": 3.428,
+    "heading_time_s": 3.814,
+    "margin_up_m": 0.8414,
+    "margin_down_m": 4.049,
+    "off_road_speed_mps": 1.514,
 }
 """Parameters of the baseline, by the names of `catch.CatchParameters`, with the bound on false positives."""
 
 CATCH_F1: dict[str, float] = {
-    "max_range_m": 985.9,
-    "max_off_road_m": 0.7145,
-    "max_speed_mps": 37.32,
-    "max_acceleration_mps2": 4.165,
-    "max_deceleration_mps2": 6.393,
-    "max_heading_change_rad": 1.44,
-    "max_intersection_s": 3.59,
-    "max_time_s": 3.202,
-    "heading_time_s": 4.709,
-    "margin_up_m": 0.3057,
-    "margin_down_m": 1.97,
-    "off_road_speed_mps": 0.546,
+    "max_range_m": 946.8,
+    "max_off_road_m": 0.1787,
+    "max_speed_mps": 34.66,
+    "max_acceleration_mps2": 3.3,
+    "max_deceleration_mps2": 11.93,
+    "max_heading_change_rad": 1.557,
+    "max_intersection_s": 3.483,
+    "max_time_s": 4.03,
+    "heading_time_s": 5.0,
+    "margin_up_m": 0.2839,
+    "margin_down_m": 0.6737,
+    "off_road_speed_mps": 0.1065,
 }
 """The same, tuned for F1 without that bound."""

@@ -133,7 +133,7 @@ def threshold_candidates(clean: Iterable[Stream], base: DetectorConfig) -> dict[
 def tune(
     candidates: Mapping[str, Sequence[float]], evaluate: Evaluate, base: DetectorConfig | None = None
 ) -> Tuned:
-    """Choose the best thresholds, one check after the other until none improves, and the pardon time last.
+    """Choose the best thresholds, one check after the other until none improves, and the pardon times last.
 
     Raises ValueError where no setting is within the bound.
     """
@@ -154,6 +154,8 @@ def tune(
         settled = settled + 1 if best is before else 1
     for pardon_s in PARDON_S:
         best = _try(replace(best.config, pardon_s=pardon_s), evaluate, best) or best
+    for pardon_s in PARDON_S:
+        best = _try(replace(best.config, acceleration_pardon_s=pardon_s), evaluate, best) or best
     return best
 
 

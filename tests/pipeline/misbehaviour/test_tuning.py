@@ -53,6 +53,14 @@ def test_candidates_are_what_honest_messages_reach(make: Make, ego: ReceivingVeh
     assert all(list(levels) == sorted(levels, reverse=True) for levels in found.values())
 
 
+def test_pardon_times_are_chosen_each_by_itself() -> None:
+    def evaluate(config: DetectorConfig) -> TuningScore:
+        return TuningScore((config.pardon_s == 3.0) + (config.acceleration_pardon_s == 10.0) / 2, 0.0)
+
+    found = tune({}, evaluate).config
+    assert (found.pardon_s, found.acceleration_pardon_s) == (3.0, 10.0)
+
+
 def test_tuned_on_one_drive_it_detects_false_messages_on_another(make: Make, ego: ReceivingVehicle) -> None:
     clean, attacked = stream(make, ego), stream(make, ego, 6.0, seed=1)
     candidates = threshold_candidates([clean], DetectorConfig())
