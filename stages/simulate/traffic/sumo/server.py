@@ -87,7 +87,7 @@ def connect(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
 
 
 def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
-    port = _free_port(settings.port)
+    port = free_port(settings.port)
     command = [sumo_program("sumo"), *options, "--remote-port", str(port)]
     command += ["--num-clients", str(settings.clients)]
     with log.open("wb") as log_file:
@@ -125,7 +125,7 @@ def _connect(host: str, port: int, timeout_s: float, server: Server) -> Any:
         time.sleep(0.02)
 
 
-def _free_port(wanted: int | None) -> int:
+def free_port(wanted: int | None) -> int:
     """The wanted port, or any free port if it is None. Raises AdvpipeError if the wanted port is in use."""
     with socket.socket() as probe:
         try:
