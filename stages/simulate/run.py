@@ -154,7 +154,7 @@ def _drive(
         else []  # nobody observes them
     )
     footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
-    network = session.open(traffic.step, footprints)
+    network = session.open(traffic, footprints)
     sight = fleet_perception(scenario.v2x, world, network, vehicles)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
     for frame in track(range(clock.frames), RECORDING):

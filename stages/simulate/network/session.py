@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import TracebackType
 
 import shapely
@@ -10,6 +10,7 @@ import shapely
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.network.protocol import Network, NewNetwork
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.protocol import TrafficSource
 
 
 class NetworkSession:
@@ -22,9 +23,9 @@ class NetworkSession:
     def __init__(self, scenario: Scenario, roads: RoadNetwork, new_network: NewNetwork) -> None:
         self.scenario, self.roads, self._new_network = scenario, roads, new_network
 
-    def open(self, step_traffic: Callable[[], None], footprints: Sequence[shapely.Polygon] | None) -> Network:
-        """The network of the drive, which has just been entered; see `NewNetwork`."""
-        return self._new_network(self.scenario, step_traffic, footprints)
+    def open(self, traffic: TrafficSource, footprints: Sequence[shapely.Polygon] | None) -> Network:
+        """The network of the drive, whose traffic has just been entered; see `NewNetwork`."""
+        return self._new_network(self.scenario, traffic.step, footprints)
 
     def __enter__(self) -> NetworkSession:
         return self

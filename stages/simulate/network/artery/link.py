@@ -65,6 +65,10 @@ class ArteryLink:
                 f"version {PROTOCOL}; build it anew (docs/artery.md)"
             )
 
+    def wait_for_rest(self) -> None:
+        """Wait until Artery has nothing to do but to wait for SUMO's next step."""
+        self._wait(lambda: not self._is_its_turn)
+
     def wait_until(self, stamp_ns: int) -> list[Record]:
         """Wait until Artery has simulated up to this time of the drive; the records since the last call.
 
@@ -78,6 +82,12 @@ class ArteryLink:
         with self._changed:
             records, self._records = self._records, []
         return records
+
+    def failure_within(self, seconds: float) -> AdvpipeError | None:
+        """Why Artery has failed, or fails within this time; None if it does not."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.failure is not None, seconds)
+        return self.failure
 
     def end_watch(self) -> None:
         """From now on, Artery may end."""

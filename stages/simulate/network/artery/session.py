@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
 import shapely
 
-from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.progress import working_on
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.scenario.traffic import SumoServer
@@ -23,11 +22,16 @@ from advpipe.stages.simulate.network.equipment import Equipment
 from advpipe.stages.simulate.network.protocol import Network
 from advpipe.stages.simulate.network.session import NetworkSession
 from advpipe.stages.simulate.road_network.network import RoadNetwork
+from advpipe.stages.simulate.traffic.protocol import TrafficSource
+from advpipe.stages.simulate.traffic.sumo.connection import SumoError
 from advpipe.stages.simulate.traffic.sumo.server import LOCALHOST, free_port
 from advpipe.stages.simulate.traffic.sumo.vehicle_types import BODIES_OF_CLASS
 
 ARTERYS_TURN = 1
 """Artery is SUMO's first client: it simulates a step before anybody else may talk to SUMO."""
+
+NOTICED_S = 2.0
+"""SUMO may notice the end of Artery before the thread does that watches it."""
 
 SUMO_IS_GONE = "tcpip::Socket"
 """In the words of SUMO's client library, which Artery uses: then SUMO has the better reason."""
@@ -66,16 +70,20 @@ class ArterySession(NetworkSession):
             raise
         return self
 
-    def open(self, step_traffic: Callable[[], None], footprints: Sequence[shapely.Polygon] | None) -> Network:
+    def open(self, traffic: TrafficSource, footprints: Sequence[shapely.Polygon] | None) -> Network:
         assert self._link is not None
-        return ArteryNetwork(self.scenario, step_traffic, self._link, self._end)
+        traffic.road_users()  # SUMO answers when Artery has simulated the step after the warm-up
+        self._link.wait_for_rest()
+        return ArteryNetwork(self.scenario, traffic.step, self._link, self._end)
 
     def __exit__(
         self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        failure = None if self._link is None else self._link.failure
+        failure = None
+        if isinstance(error, SumoError) and self._link is not None:
+            failure = self._link.failure_within(NOTICED_S)
         self._end()
-        if isinstance(error, AdvpipeError) and failure is not None and SUMO_IS_GONE not in str(failure):
+        if failure is not None and SUMO_IS_GONE not in str(failure):
             raise failure from None  # SUMO, which ends with Artery, cannot tell why
 
     def _end(self) -> None:

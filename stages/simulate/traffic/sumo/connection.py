@@ -15,6 +15,10 @@ from advpipe.pipeline.scenario.traffic import SumoServer
 from advpipe.stages.simulate.traffic.sumo.server import Server, connect
 
 
+class SumoError(AdvpipeError):
+    """SUMO has ended, or cannot go on."""
+
+
 class SumoConnection:
     """One SUMO simulation, from `start` to `close`.
 
@@ -100,12 +104,12 @@ class SumoConnection:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Convert SUMO's exceptions to a one-line AdvpipeError."""
+        """Convert SUMO's exceptions to a one-line SumoError."""
         try:
             yield
         except (*self.refusals, *self._fatal()) as error:
             reason = (self._server.exit_reason() if self._server is not None else None) or error
-            raise AdvpipeError(f"SUMO cannot continue with this network or traffic: {reason}") from None
+            raise SumoError(f"SUMO cannot continue with this network or traffic: {reason}") from None
 
     def _fatal(self) -> tuple[type[Exception], ...]:
         if self._transport == "libsumo":
