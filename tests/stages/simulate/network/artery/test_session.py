@@ -43,11 +43,20 @@ def no_process_is_left() -> Iterator[None]:
     assert not left
 
 
-def _children() -> list[str]:
-    listed = subprocess.run(["ps", "-eo", "ppid,args"], capture_output=True, text=True, check=True).stdout
-    rows = [line.split(None, 1) for line in listed.splitlines()[1:]]
-    ours = [args for parent, args in rows if int(parent) == os.getpid()]
-    return [args for args in ours if "standin.py" in args or "remote-port" in args]
+def _children() -> list[int]:
+    return _simulators(os.getpid())
+
+
+def _simulators(parent: int) -> list[int]:
+    """The processes of Artery and SUMO that this process has started."""
+    command = ["ps", "-ww", "-eo", "pid,ppid,args"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    rows = [line.split(None, 2) for line in listed.splitlines()[1:]]
+    return [
+        int(pid)
+        for pid, of, args in rows
+        if int(of) == parent and ("standin.py" in args or "remote-port" in args)
+    ]
 
 
 def test_a_drive_in_lock_step_with_a_silent_artery(tmp_path: Path, standin: StandIn) -> None:
@@ -119,22 +128,12 @@ def test_ctrl_c_leaves_no_process(tmp_path: Path, standin: StandIn) -> None:
     command = [sys.executable, "-m", "advpipe", "simulate", "smoke", "--out", str(tmp_path / "drive"), *sets]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     until_s = time.monotonic() + 60
-    while not _grandchildren(process.pid) and time.monotonic() < until_s:
+    while len(_simulators(process.pid)) < 2 and time.monotonic() < until_s:
         time.sleep(0.2)
-    time.sleep(3)
-    children = _grandchildren(process.pid)
+    time.sleep(2)  # into the warm-up
+    children = _simulators(process.pid)
     assert len(children) == 2
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
     assert process.returncode == 130
     assert not any(Path(f"/proc/{child}").exists() for child in children)
-
-
-def _grandchildren(parent: int) -> list[int]:
-    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
-    rows = [line.split(None, 2) for line in listed.splitlines()[1:]]
-    return [
-        int(pid)
-        for pid, of, args in rows
-        if int(of) == parent and ("standin.py" in args or "remote-port" in args)
-    ]
