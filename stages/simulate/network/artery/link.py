@@ -116,16 +116,21 @@ class ArteryLink:
                 while not self._is_closed:
                     for record in parser.feed(self._received(connection, process)):
                         self._take(record, connection)
-        except (AdvpipeError, OSError) as error:
-            if self._is_closed:
-                return
-            ended = isinstance(error, OSError)
-            reason = AdvpipeError(f"Artery ended: {process.end_reason()}") if ended else error
-            process.kill()
-            with self._changed:
-                self.failure = reason
-                self._changed.notify_all()
-            self._release(sumo)
+        except AdvpipeError as error:
+            self._fail(error, process, sumo)
+        except OSError:  # the connection is gone
+            if not self._is_closed:
+                self._fail(AdvpipeError(f"Artery ended: {process.end_reason()}"), process, sumo)
+
+    def _fail(self, reason: AdvpipeError, process: ArteryProcess, sumo: tuple[str, int]) -> None:
+        process.kill()
+        with self._changed:
+            self.failure = reason
+            self._changed.notify_all()
+        while not self._is_closed:  # let go a SUMO that waits for its second client
+            with suppress(OSError):
+                socket.create_connection(sumo, timeout=POLL_S).close()
+            time.sleep(POLL_S)
 
     def _accepted(self, process: ArteryProcess) -> socket.socket:
         self._listener.settimeout(POLL_S)
@@ -171,13 +176,6 @@ class ArteryLink:
                 self._records.append(self.clock.in_drive(record))
             self._is_its_turn = not isinstance(record, (Hello, StepDone))
             self._changed.notify_all()
-
-    def _release(self, sumo: tuple[str, int]) -> None:
-        """Let go a SUMO that waits for its second client, until nobody waits for it any more."""
-        while not self._is_closed:
-            with suppress(OSError):
-                socket.create_connection(sumo, timeout=POLL_S).close()
-            time.sleep(POLL_S)
 
 
 def _answer(connection: socket.socket, text: bytes) -> None:

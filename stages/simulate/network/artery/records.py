@@ -140,7 +140,8 @@ def _texts(data: bytes) -> list[str]:
 
 def _hello(data: bytes) -> Record:
     (version,) = _texts(data[_TEXT.size :])
-    return Hello(*_TEXT.unpack_from(data), version)
+    (protocol,) = _TEXT.unpack_from(data)
+    return Hello(protocol, version)
 
 
 def _question(data: bytes) -> Record:
@@ -150,7 +151,13 @@ def _question(data: bytes) -> Record:
 
 def _new_station(data: bytes) -> Record:
     (vehicle,) = _texts(data[_NEW.size :])
-    return NewStation(*_NEW.unpack_from(data), vehicle)
+    time_ns, station_id, power_dbm = _NEW.unpack_from(data)
+    return NewStation(time_ns, station_id, power_dbm, vehicle)
+
+
+def _transmission(data: bytes) -> Record:
+    time_ns, station_id, packet_id = _SENT.unpack_from(data)
+    return Transmission(time_ns, station_id, packet_id, data[_SENT.size :])
 
 
 _KINDS: dict[bytes, Callable[[bytes], Record]] = {
@@ -159,7 +166,7 @@ _KINDS: dict[bytes, Callable[[bytes], Record]] = {
     b"T": lambda data: StepDone(*_TIME.unpack(data)),
     b"A": _question,
     b"V": _new_station,
-    b"S": lambda data: Transmission(*_SENT.unpack_from(data), data[_SENT.size :]),
+    b"S": _transmission,
     b"R": lambda data: Arrival(*_ARRIVAL.unpack(data)),
     b"L": lambda data: BusyRatio(*_LOAD.unpack(data)),
 }

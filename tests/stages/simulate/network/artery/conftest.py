@@ -12,12 +12,12 @@ import pytest
 STANDIN = Path(__file__).parent / "standin.py"
 
 
-@pytest.fixture
-def standin(tmp_path: Path) -> Callable[..., Path]:
+@pytest.fixture(scope="session")
+def standin(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Writes a program that runs the stand-in with these arguments; returns its path."""
 
     def write(*arguments: str) -> Path:
-        program = tmp_path / "advpipe-artery"
+        program = tmp_path_factory.mktemp("standin") / "advpipe-artery"
         command = shlex.join([sys.executable, str(STANDIN), *arguments])
         program.write_text(f'#!/bin/sh\nexec {command} "$@"\n', encoding="utf-8")
         program.chmod(0o755)
