@@ -83,5 +83,5 @@ def _artery(program: str | None) -> Sequence[Finding]:
     from advpipe.pipeline.scenario.artery import Artery
 
     with working_on("loading libraries"):
-        from advpipe.stages.simulate.network.artery.check import check_artery
+        from advpipe.stages.simulate.artery_check import check_artery
     return check_artery(Artery(program=program))

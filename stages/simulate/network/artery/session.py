@@ -11,7 +11,7 @@ import shapely
 from advpipe.pipeline.core.progress import working_on
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.scenario.traffic import SumoServer
-from advpipe.stages.simulate.bodies import BODIES, Variant
+from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.network.artery.configuration import check_supported, write_configuration
 from advpipe.stages.simulate.network.artery.georeference import georeferenced
 from advpipe.stages.simulate.network.artery.link import ArteryLink
@@ -22,13 +22,14 @@ from advpipe.stages.simulate.network.equipment import Equipment
 from advpipe.stages.simulate.network.protocol import Network
 from advpipe.stages.simulate.network.session import NetworkSession
 from advpipe.stages.simulate.road_network.network import RoadNetwork
-from advpipe.stages.simulate.traffic.protocol import TrafficSource
-from advpipe.stages.simulate.traffic.sumo.connection import SumoError
-from advpipe.stages.simulate.traffic.sumo.server import LOCALHOST, free_port
-from advpipe.stages.simulate.traffic.sumo.vehicle_types import BODIES_OF_CLASS
+from advpipe.stages.simulate.traffic.ports import LOCALHOST, free_port
+from advpipe.stages.simulate.traffic.protocol import TrafficError, TrafficSource
 
 ARTERYS_TURN = 1
 """Artery is SUMO's first client: it simulates a step before anybody else may talk to SUMO."""
+
+WITHOUT_STATION = ("bicycle", "pedestrian", "wheelchair")
+"""Classes of SUMO whose road users carry no radio."""
 
 NOTICED_S = 2.0
 """SUMO may notice the end of Artery before the thread does that watches it."""
@@ -80,7 +81,7 @@ class ArterySession(NetworkSession):
         self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         failure = None
-        if isinstance(error, SumoError) and self._link is not None:
+        if isinstance(error, TrafficError) and self._link is not None:
             failure = self._link.failure_within(NOTICED_S)
         self._end()
         if failure is not None and SUMO_IS_GONE not in str(failure):
@@ -97,12 +98,10 @@ class ArterySession(NetworkSession):
 
     def _has_station(self, question: VehicleQuestion) -> bool:
         """A vehicle of ours has a type by the name of its variant; of one of the user's, the class counts."""
-        variant = self._variants.get(question.type)
-        if variant is not None:
+        if (variant := self._variants.get(question.type)) is not None:
             can_have_one = variant.body.station_type is not None
         else:
-            bodies = BODIES_OF_CLASS.get(question.vclass, ())
-            can_have_one = any(BODIES[body].station_type is not None for body in bodies)
+            can_have_one = question.vclass not in WITHOUT_STATION
         return self._equipment.has_station(question.vehicle, can_have_one)
 
 

@@ -12,6 +12,7 @@ from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.artery import Artery
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.artery.process import artery_program
+from advpipe.stages.simulate.run import simulate
 
 SCENARIO = "smoke"
 DRIVE = (
@@ -59,8 +60,6 @@ def check_artery(settings: Artery) -> list[ArteryFinding]:
 
 
 def _drive(program: str, timeout_s: float) -> Statistics:
-    from advpipe.stages.simulate.run import simulate
-
     settings = [*DRIVE, f"artery.program={program}", f"artery.timeout_s={timeout_s!r}"]
     with tempfile.TemporaryDirectory(prefix="advpipe-") as folder:
         drive = simulate(load_scenario(SCENARIO, settings), Path(folder) / "drive")
