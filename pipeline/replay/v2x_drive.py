@@ -20,6 +20,9 @@ from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.stack import ReceiverStack
 
+REPLAYED = ("embedded", "artery")
+"""The networks whose drives are replayed through the embedded network's medium."""
+
 LONGEST_STEP_NS = 10_000_000_000
 """Simulated steps last at most a second; steps are longer in a bag that has lost a few messages."""
 
@@ -68,10 +71,11 @@ class V2xDrive:
     def channel(self, decoder: Callable[[bytes], CamTree] | None = None) -> Channel:
         """The medium and the Local Dynamic Maps in their state at the start of the drive.
 
-        decoder: see `Channel`. Raises UsageError for a drive with a network other than `embedded`, which
-        cannot be replayed.
+        decoder: see `Channel`. The medium is ours, with the settings of the recording, also for a drive that
+        Artery simulated. Raises UsageError for a drive with a network of somebody else's, which may mean
+        anything by these settings.
         """
-        if self.v2x.network != "embedded":
+        if self.v2x.network not in REPLAYED:
             raise UsageError(
                 f"{self._reader.path} was recorded with v2x.network {self.v2x.network}; messages can be "
                 "replayed through the embedded network only"

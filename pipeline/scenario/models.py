@@ -9,6 +9,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.section import Implementation, Name, Number, Section, Switch
+from advpipe.pipeline.scenario.artery import Artery
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.carla import Carla
 from advpipe.pipeline.scenario.environment import Environment
@@ -85,6 +86,7 @@ class Scenario(Section):
     )
     carla: Carla = Carla()
     v2x: V2x = V2x()
+    artery: Artery = Artery()
     recording: Recording = Recording()
     attacks: Attacks = Field(
         {}, max_length=1000, description="adversarial bags that `advpipe run` makes of the drive, by name"
@@ -105,6 +107,8 @@ class Scenario(Section):
         tree: dict[str, Any] = handler(self)
         if self.world != "carla" and self.carla == Carla():
             tree.pop("carla", None)
+        if self.v2x.network != "artery" and self.artery == Artery():
+            tree.pop("artery", None)
         return tree
 
     def _bodies(self) -> Iterator[Mistake]:

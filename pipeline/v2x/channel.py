@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -93,13 +93,21 @@ class ChannelResult:
     rejected: tuple[Rejected, ...] = ()
 
 
+class RadioMedium(Protocol):
+    """`Medium`, or what takes its place."""
+
+    def advance(self, until_ns: int, stations: Stations, transmissions: Transmissions) -> Step:
+        """See `Medium.advance`."""
+        ...
+
+
 class Channel:
     """The radio medium, and the Local Dynamic Maps of the listeners.
 
     listeners: names by station id of the vehicles whose receptions are returned. The receptions of all other
     stations are simulated as well, for the statistics, but not decoded. decoder: of CAMs, `decode_cam_tree`
     by default; a caller that has decoded them already may pass one that returns those values. stack: the
-    receivers' layers, in a drive whose messages have packets.
+    receivers' layers, in a drive whose messages have packets. medium: another than ours.
     """
 
     def __init__(
@@ -111,23 +119,32 @@ class Channel:
         buildings: Buildings | None = None,
         decoder: Callable[[bytes], MessageTree] | None = None,
         stack: ReceiverStack | None = None,
+        medium: RadioMedium | None = None,
     ) -> None:
         self._decoder, self._stack = decoder, stack
-        self._overhead_bytes = v2x.radio.overhead_bytes
-        self._medium = Medium(v2x.radio, seed, buildings)
+        self._v2x, self._seed = v2x, seed
+        self._medium = Medium(v2x.radio, seed, buildings) if medium is None else medium
         self._geodesy = geodesy
-        self._listeners = dict(listeners)
-        self._ids = np.array(sorted(listeners), np.int64)
-        heard_kept_s = (v2x.cpm or CpmRules()).kept_s
-        self._clock_errors_ns = {name: clock_error_ns(v2x, seed, one) for one, name in listeners.items()}
-        self._maps = {
-            name: LocalDynamicMap(v2x.ldm, heard_kept_s, error_ns)
-            for name, error_ns in self._clock_errors_ns.items()
-        }
+        self._listeners: dict[int, str] = {}
+        self._clock_errors_ns: dict[str, int] = {}
+        self._maps: dict[str, LocalDynamicMap] = {}
+        self._ids = np.empty(0, np.int64)
+        for station_id, name in listeners.items():
+            self.listen(station_id, name)
         self._on_air: dict[int, Sent] = {}
         self._in_transit: list[Reception] = []
         self._in_verification: list[Reception] = []
         self._tally = Tally()
+
+    def listen(self, station_id: int, name: str) -> None:
+        """Return the receptions of this station from now on; a name keeps its Local Dynamic Map."""
+        self._listeners[station_id] = name
+        self._ids = np.array(sorted(self._listeners), np.int64)
+        if name not in self._maps:
+            error_ns = clock_error_ns(self._v2x, self._seed, station_id)
+            heard_kept_s = (self._v2x.cpm or CpmRules()).kept_s
+            self._clock_errors_ns[name] = error_ns
+            self._maps[name] = LocalDynamicMap(self._v2x.ldm, heard_kept_s, error_ns)
 
     def advance(self, until_ns: int, stations: Stations, sent: Sequence[Sent]) -> ChannelResult:
         """Advance to this time with all messages handed to the radios before it; see `Medium.advance`.
@@ -136,7 +153,7 @@ class Channel:
         """
         self._on_air.update((message.number, message) for message in sent)
         self._tally.count(message_type_of(message.payload).name for message in sent)
-        step = self._medium.advance(until_ns, stations, _transmissions(sent, self._overhead_bytes))
+        step = self._medium.advance(until_ns, stations, _transmissions(sent, self._v2x.radio.overhead_bytes))
         self._tally.add(step, self._are_cams(step.outcomes))
         received, rejected = self._receive(step.outcomes, until_ns, stations)
         return ChannelResult(received, step.loads, rejected)

@@ -270,8 +270,8 @@ class V2x(Section):
     enabled: Switch = Field(True, description="simulate V2X messages")
     network: Implementation = Field(
         "embedded",
-        description="simulator of which station receives which message: embedded, or module:Class of your "
-        "own",
+        description="simulator of which station receives which message: embedded, artery, or module:Class "
+        "of your own",
     )
     penetration: Probability = Field(
         0.5, description="share of the vehicles that send CAMs; instrumented vehicles always do"

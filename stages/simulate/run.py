@@ -25,7 +25,8 @@ from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.pipeline.viewer_layouts.files import write_layouts
 from advpipe.stages.simulate.bodies import Variant, draw_variants
 from advpipe.stages.simulate.instrumented import Elsewhere, Instrumented
-from advpipe.stages.simulate.network.registry import open_network
+from advpipe.stages.simulate.network.registry import prepare_network
+from advpipe.stages.simulate.network.session import NetworkSession
 from advpipe.stages.simulate.perception import fleet_perception
 from advpipe.stages.simulate.recorder import Recorder
 from advpipe.stages.simulate.road_network.network import RoadNetwork, load_network
@@ -110,12 +111,14 @@ def simulate(
                 setting = _Setting(roads, build_world(scenario, roads, variants), variants)
                 if ahead is not None:
                     ahead.begin(scenario, setting.world)
-                prepared = open_traffic(scenario, roads, variants, scratch)
+                session = prepare_network(scenario, roads, variants, scratch)
+                prepared = open_traffic(session.scenario, session.roads, variants, scratch)
         provenance = clean_provenance(scenario.name, text, seed, roads.map_sha256)
         recording = scenario.recording
         with (
             gc_frozen(),
             setting.world if isinstance(setting.world, SteppedWorld) else nullcontext(),
+            session,
             prepared as traffic,
             BagWriter(
                 folder / "clean",
@@ -126,7 +129,7 @@ def simulate(
             ) as writer,
         ):
             recorder = Recorder(scenario, writer, stream, STEPS_AHEAD if ahead else 0)
-            v2x = _drive(scenario, setting, traffic, recorder, ahead)
+            v2x = _drive(scenario, setting, (session, traffic), recorder, ahead)
     frames, tally = scenario.simulation.frames, recorder.tally
     road_users = len(tally.road_users)
     return SimulationSummary(out / "clean", frames, tally.clouds, tally.points, road_users, v2x)
@@ -135,13 +138,13 @@ def simulate(
 def _drive(
     scenario: Scenario,
     setting: _Setting,
-    traffic: TrafficSource,
+    moving: tuple[NetworkSession, TrafficSource],
     recorder: Recorder,
     elsewhere: Elsewhere | None,
 ) -> Statistics | None:
     """The main loop of Algorithm 1: the network's clock advances and moves the traffic, the world follows,
     the sensors measure, and the stations get their new states."""
-    clock, world = scenario.simulation, setting.world
+    clock, world, (session, traffic) = scenario.simulation, setting.world, moving
     vehicles = [Instrumented(scenario, name, elsewhere) for name in sorted(scenario.vehicles)]
     actors = WorldActors(world, traffic)
     routes_m = [actors.route_m(vehicle.name) for vehicle in vehicles]
@@ -151,7 +154,7 @@ def _drive(
         else []  # nobody observes them
     )
     footprints = world.footprints if scenario.v2x.radio.building_loss == "obstacles" else None
-    network = open_network(scenario, traffic.step, footprints)
+    network = session.open(traffic, footprints)
     sight = fleet_perception(scenario.v2x, world, network, vehicles)
     recorder.start(clock.stamp_ns(0), vehicles, setting.roads.lanes_m, footprints)
     for frame in track(range(clock.frames), RECORDING):

@@ -8,11 +8,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.road_network.network import RoadNetwork
 from advpipe.stages.simulate.traffic.road_users import RoadUser
+
+
+class TrafficError(AdvpipeError):
+    """The simulator of the traffic has ended, or cannot go on."""
 
 
 @runtime_checkable

@@ -26,6 +26,7 @@ from advpipe.stages.simulate.network.embedded.denm_service import DenmService
 from advpipe.stages.simulate.network.embedded.hazards import Hazards
 from advpipe.stages.simulate.network.embedded.service import GeneratedMessage
 from advpipe.stages.simulate.network.embedded.station import Station, update_states
+from advpipe.stages.simulate.network.equipment import Equipment
 from advpipe.stages.simulate.network.protocol import NetworkStep, Perceived
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
@@ -46,7 +47,7 @@ class EmbeddedNetwork:
         self._geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
         self._ids: dict[str, int] = {}
         self._used: set[int] = set()
-        self._equipped: dict[str, bool] = {}
+        self._equipment = Equipment(scenario)
         listeners = {self._id_of(name): name for name in self._instrumented}
         buildings = None if footprints is None else Buildings(footprints)
         stack = (self._v2x, self._clock.seed, self._clock.start_ns) if self._v2x.has_packets else None
@@ -80,7 +81,7 @@ class EmbeddedNetwork:
         clock, before = self._clock, self._stations
         self._stations = {}
         for name, user in drivers.items():
-            if self._is_equipped(name, user):
+            if self._equipment.has_station(name, user.variant.body.station_type is not None):
                 self._stations[name] = before.get(name) or self._new_station(name, user)
                 self._stations[name].user = user
         self._by_id = sorted(self._stations.values(), key=lambda station: station.id)
@@ -154,15 +155,6 @@ class EmbeddedNetwork:
     def _sends_cpms(self, rules: CpmRules, name: str) -> bool:
         draw = named_generator(self._clock.seed, "v2x", "sends CPMs", name).random()
         return name in self._instrumented or bool(draw < rules.penetration)
-
-    def _is_equipped(self, name: str, user: RoadUser) -> bool:
-        """Whether a vehicle has a station: each instrumented one, and a share of the others
-        (v2x.penetration)."""
-        if name not in self._equipped:
-            draw = named_generator(self._clock.seed, "v2x", "equipped", name).random()
-            can_be = user.variant.body.station_type is not None
-            self._equipped[name] = name in self._instrumented or (can_be and draw < self._v2x.penetration)
-        return self._equipped[name]
 
     def _id_of(self, name: str) -> int:
         """A random 31-bit station id for the vehicle, unique in the drive."""

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario.traffic import SumoServer
+from advpipe.stages.simulate.traffic.protocol import TrafficError
 from advpipe.stages.simulate.traffic.sumo.server import Server, connect
 
 
@@ -100,12 +100,12 @@ class SumoConnection:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Convert SUMO's exceptions to a one-line AdvpipeError."""
+        """Convert SUMO's exceptions to a one-line TrafficError."""
         try:
             yield
         except (*self.refusals, *self._fatal()) as error:
             reason = (self._server.exit_reason() if self._server is not None else None) or error
-            raise AdvpipeError(f"SUMO cannot continue with this network or traffic: {reason}") from None
+            raise TrafficError(f"SUMO cannot continue with this network or traffic: {reason}") from None
 
     def _fatal(self) -> tuple[type[Exception], ...]:
         if self._transport == "libsumo":

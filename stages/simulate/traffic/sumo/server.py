@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import struct
 import subprocess
 import time
@@ -17,8 +16,8 @@ from advpipe.pipeline.core.missing_library import loader_line
 from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.scenario.traffic import SumoServer
 from advpipe.stages.simulate.road_network.file import last_error, sumo_program
+from advpipe.stages.simulate.traffic.ports import LOCALHOST, free_port
 
-LOCALHOST = "127.0.0.1"
 START_TIMEOUT_S = 300.0
 """SUMO listens as soon as it has read its options; on a busy machine its start alone takes seconds."""
 
@@ -87,7 +86,7 @@ def connect(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
 
 
 def _start(settings: SumoServer, options: Sequence[str], log: Path) -> Server:
-    port = _free_port(settings.port)
+    port = free_port(settings.port)
     command = [sumo_program("sumo"), *options, "--remote-port", str(port)]
     command += ["--num-clients", str(settings.clients)]
     with log.open("wb") as log_file:
@@ -123,15 +122,3 @@ def _connect(host: str, port: int, timeout_s: float, server: Server) -> Any:
                     f"no SUMO server responds at {host}:{port} within {timeout_s:g} s; is {whose} running?"
                 ) from None
         time.sleep(0.02)
-
-
-def _free_port(wanted: int | None) -> int:
-    """The wanted port, or any free port if it is None. Raises AdvpipeError if the wanted port is in use."""
-    with socket.socket() as probe:
-        try:
-            probe.bind((LOCALHOST, wanted or 0))
-        except OSError as error:
-            raise AdvpipeError(
-                f"traffic.server.port: {wanted} is not available ({error.strerror}); choose another"
-            ) from None
-        return int(probe.getsockname()[1])

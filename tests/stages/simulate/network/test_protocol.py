@@ -43,7 +43,7 @@ def test_a_users_ideal_network_records_a_drive(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("wifi", r"v2x.network 'wifi' is unknown; known: embedded \(or your own module:Class\)"),
+        ("wifi", r"v2x.network 'wifi' is unknown; known: embedded, artery \(or your own module:Class\)"),
         ("telepathy:Nobody", "v2x.network telepathy:Nobody cannot be loaded: AttributeError: "),
         ("nowhere:Nobody", "v2x.network nowhere:Nobody cannot be loaded: ModuleNotFoundError: "),
         ("telepathy:Deaf", "v2x.network telepathy:Deaf is not a network: it lacks "),

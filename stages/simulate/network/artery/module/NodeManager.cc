@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: GPL-2.0-only
+#include "NodeManager.h"
+
+#include <artery/networking/GeoNetPacket.h>
+#include <artery/nic/RadioDriverBase.h>
+#include <artery/utility/Identity.h>
+#include <cmath>
+#include <inet/common/LayeredProtocolBase.h>
+#include <inet/common/ModuleAccess.h>
+#include <inet/linklayer/ieee80211/mac/Ieee80211Mac.h>
+#include <inet/physicallayer/analogmodel/packetlevel/ScalarReception.h>
+#include <inet/physicallayer/common/packetlevel/Radio.h>
+#include <inet/physicallayer/contract/packetlevel/IRadioMedium.h>
+#include <inet/physicallayer/contract/packetlevel/RadioControlInfo_m.h>
+#include <limits>
+#include <traci/API.h>
+
+using namespace omnetpp;
+using artery::Identity;
+using inet::LayeredProtocolBase;
+using inet::physicallayer::IRadioMedium;
+
+namespace advpipe
+{
+
+Define_Module(NodeManager)
+
+namespace
+{
+
+constexpr unsigned cProtocol = 1; ///< of the records; records.py has the same number
+constexpr double cSameTime = 1e-6; ///< s; SUMO counts whole milliseconds
+
+std::string sDate; ///< of Artery's time 0, in UTC
+
+cNEDValue date(cComponent*, cNEDValue[], int)
+{
+    return cNEDValue(sDate);
+}
+
+Define_NED_Function(date, "string advpipe_date()");
+
+std::uint64_t ns(const simtime_t& time)
+{
+    return static_cast<std::uint64_t>(time.inUnit(SIMTIME_NS));
+}
+
+double db(double ratio)
+{
+    return 10.0 * std::log10(ratio);
+}
+
+const artery::GeoNetPacket* geonet(cObject* frame)
+{
+    auto packet = dynamic_cast<cPacket*>(frame);
+    return packet ? dynamic_cast<const artery::GeoNetPacket*>(packet->getEncapsulatedPacket()) : nullptr;
+}
+
+} // namespace
+
+NodeManager::~NodeManager()
+{
+    cancelAndDelete(mTick);
+}
+
+void NodeManager::initialize()
+{
+    const auto version = std::to_string(OMNETPP_VERSION >> 8) + "." + std::to_string(OMNETPP_VERSION & 0xff);
+    mLink.open(par("host"), par("port"));
+    mLink.write(Record('H').number(cProtocol, 2).text("OMNeT++ " + version));
+    mLink.flush();
+    BasicNodeManager::initialize();
+    mTick = new cMessage("tell advpipe the time");
+    mTick->setSchedulingPriority(std::numeric_limits<short>::min()); // as the step of traci::Core
+    for (auto signal : { Identity::changeSignal, artery::RadioDriverBase::ChannelLoadSignal,
+             LayeredProtocolBase::packetReceivedFromUpperSignal, LayeredProtocolBase::packetSentToUpperSignal,
+             IRadioMedium::receptionEndedSignal }) {
+        getSystemModule()->subscribe(signal, static_cast<cListener*>(this));
+    }
+}
+
+void NodeManager::finish()
+{
+    mLink.flush();
+    BasicNodeManager::finish();
+}
+
+void NodeManager::traciInit()
+{
+    BasicNodeManager::traciInit();
+    mStep = getAPI()->simulation.getDeltaT();
+    mSumoOffset = getAPI()->simulation.getTime() - simTime().dbl();
+    scheduleAt(simTime() + mStep, mTick);
+}
+
+/// Right before each step of SUMO: traci::Core schedules its step later, with the same priority.
+void NodeManager::handleMessage(cMessage*)
+{
+    mLink.write(Record('T').number(ns(simTime()), 8));
+    mLink.flush();
+    scheduleAt(simTime() + mStep, mTick);
+}
+
+/// Right after each step of SUMO.
+void NodeManager::traciStep()
+{
+    const double apart = getAPI()->simulation.getTime() - mSumoOffset - simTime().dbl();
+    if (std::abs(apart) > cSameTime) {
+        throw cRuntimeError("SUMO is %g s ahead of Artery", apart);
+    }
+    const auto answer = mLink.ask(Record('B').number(ns(simTime()), 8));
+    if (!mHasBegun && !answer.empty()) {
+        mHasBegun = true;
+        sDate = answer;
+        for (auto& waiting : mWaiting) {
+            waiting.second = simTime() + uniform(0.0, par("switchOnWithin"));
+        }
+    }
+    for (auto waiting = mWaiting.begin(); mHasBegun && waiting != mWaiting.end();) {
+        if (waiting->second <= simTime()) {
+            BasicNodeManager::addVehicle(waiting->first);
+            waiting = mWaiting.erase(waiting);
+        } else {
+            ++waiting;
+        }
+    }
+    BasicNodeManager::traciStep();
+}
+
+void NodeManager::addVehicle(const std::string& id)
+{
+    auto& vehicle = getAPI()->vehicle;
+    if (mLink.ask(Record('A').text(id).text(vehicle.getTypeID(id)).text(vehicle.getVehicleClass(id))).empty()) {
+        return;
+    } else if (mHasBegun) {
+        BasicNodeManager::addVehicle(id);
+    } else {
+        mWaiting[id] = SIMTIME_MAX;
+    }
+}
+
+void NodeManager::removeVehicle(const std::string& id)
+{
+    mWaiting.erase(id);
+    BasicNodeManager::removeVehicle(id);
+}
+
+void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, long changes, cObject* details)
+{
+    auto identity = dynamic_cast<Identity*>(details);
+    if (signal == Identity::changeSignal && identity && changes & Identity::ChangeStationId) {
+        auto host = inet::getContainingNode(check_and_cast<cModule*>(source));
+        mStations[host->getId()] = identity->application;
+        mLink.write(Record('V').number(ns(simTime()), 8).number(identity->application, 4)
+                .real(transmitPowerDbm(host)).text(identity->traci));
+    }
+}
+
+void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, double value, cObject*)
+{
+    const auto id = station(source);
+    if (signal == artery::RadioDriverBase::ChannelLoadSignal && id >= 0
+            && dynamic_cast<artery::RadioDriverBase*>(source)) {
+        mLink.write(Record('L').number(ns(simTime()), 8).number(id, 4).real(value));
+    }
+}
+
+void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, cObject* object, cObject*)
+{
+    if (signal == LayeredProtocolBase::packetReceivedFromUpperSignal) {
+        if (dynamic_cast<inet::ieee80211::Ieee80211Mac*>(source)) {
+            handedToRadio(source, object);
+        }
+    } else if (signal == LayeredProtocolBase::packetSentToUpperSignal) {
+        auto frame = dynamic_cast<cPacket*>(object);
+        auto packet = geonet(object);
+        if (packet && !frame->hasBitError() && dynamic_cast<inet::physicallayer::Radio*>(source)) {
+            auto seen = dynamic_cast<inet::physicallayer::ReceptionIndication*>(frame->getControlInfo());
+            mSuccess = { source, packet->getTreeId(), seen ? seen->getMinSNIR() : NaN };
+        }
+    } else if (signal == IRadioMedium::receptionEndedSignal) {
+        ended(*check_and_cast<inet::physicallayer::IReception*>(object));
+    }
+}
+
+void NodeManager::handedToRadio(cComponent* mac, cObject* frame)
+{
+    const auto id = station(mac);
+    const auto packet = geonet(frame);
+    if (id < 0 || !packet) {
+        return;
+    }
+    const auto view = create_byte_view(packet->getPayload(), vanetza::OsiLayer::Network, vanetza::OsiLayer::Application);
+    mLink.write(Record('S').number(ns(simTime()), 8).number(id, 4).number(packet->getTreeId(), 8)
+            .rest(std::string(view.begin(), view.end())));
+}
+
+/// A radio emits this right after it has handed up the frame, if it could decode it.
+void NodeManager::ended(const inet::physicallayer::IReception& reception)
+{
+    auto radio = dynamic_cast<const cComponent*>(reception.getReceiver());
+    if (!radio || mSuccess.radio != radio) {
+        return;
+    }
+    const auto id = station(const_cast<cComponent*>(radio));
+    auto signal = dynamic_cast<const inet::physicallayer::IScalarSignal*>(reception.getAnalogModel());
+    if (id >= 0) {
+        mLink.write(Record('R').number(ns(simTime()), 8).number(id, 4).number(mSuccess.packet, 8)
+                .real(signal ? db(1000.0 * signal->getPower().get()) : NaN).real(db(mSuccess.snir)));
+    }
+    mSuccess.radio = nullptr;
+}
+
+std::int64_t NodeManager::station(cComponent* inside) const
+{
+    auto module = dynamic_cast<cModule*>(inside);
+    auto host = module ? inet::findContainingNode(module) : nullptr;
+    auto found = host ? mStations.find(host->getId()) : mStations.end();
+    return found == mStations.end() ? -1 : static_cast<std::int64_t>(found->second);
+}
+
+double NodeManager::transmitPowerDbm(cModule* host) const
+{
+    auto transmitter = host->getModuleByPath(".wlan[0].radio.transmitter");
+    return transmitter ? db(1000.0 * transmitter->par("power").doubleValue()) : NaN;
+}
+
+} // namespace advpipe
