@@ -60,7 +60,7 @@ def attack(
 ) -> AttackSummary:
     """Carry out the attacks of a request on a bag and write the bag they make.
 
-    GPS comes first, then V2X, radar and LiDAR. Every message that is not attacked is copied byte for byte.
+    GPS comes first, then V2X, radar, cameras and LiDAR. Every message that is not attacked is copied byte for byte.
     Frames that are not chosen are left out, or their clouds alone where messages are attacked too. Beside the
     bag in the folder `out` lie attack.yaml (the resolved request) and Parquet files with the labels:
     labels.parquet and frames.parquet of clouds (see `labels.clouds`), and those of each change of messages.
@@ -91,14 +91,15 @@ def attack(
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts, split=split)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
-    gnss, v2x, radar = request.of("gnss"), request.of("v2x"), request.of("radar")
+    gnss, v2x = request.of("gnss"), request.of("v2x")
+    radar, camera = request.of("radar"), request.of("camera")
     with (
-        plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar))),
+        plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar, *camera))),
         open_job(out, resolved) as job,
     ):
         debug = DebugMessages() if request.debug else None
         with working_on(MESSAGES):
-            changes = change_messages(reader, gnss, v2x, request.seed, debug, radar)
+            changes = change_messages(reader, gnss, v2x, request.seed, debug, radar, camera)
         messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)

@@ -1,0 +1,58 @@
+"""The cameras of a recorded drive: their main images, and how these are projected."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.messages.compressed_image import IMAGE_TYPE
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.sensors.camera.lens import Lens, lens_of
+
+_TOPIC = re.compile(r"^/([^/]+)/([^/]+)/image/compressed$")
+
+_PROJECTIONS = {"plumb_bob": "pinhole", "equidistant": "fisheye"}
+"""Kinds of lenses by the distortion models of sensor_msgs/CameraInfo."""
+
+
+@dataclass(frozen=True)
+class RecordedCamera:
+    """One camera of a drive."""
+
+    vehicle: str
+    name: str
+    reader: BagReader = field(repr=False, compare=False)
+
+    @property
+    def topic(self) -> str:
+        """Of its main images."""
+        return VehicleTopics(self.vehicle).camera_image(self.name, "rgb").name
+
+    def lens(self) -> Lens:
+        """Its projection, from its first CameraInfo. Raises AdvpipeError for a bag that has none, and for a
+        model that is neither plumb_bob nor equidistant."""
+        topic = VehicleTopics(self.vehicle).camera_info(self.name).name
+        info = None
+        if topic in self.reader.topics:
+            info = next((message for _, message in self.reader.messages(topic)), None)
+        if info is None:
+            raise UsageError(f"{self.reader.path} does not say how {self.topic} is projected (no {topic})")
+        projection = _PROJECTIONS.get(info.distortion_model)
+        matrix = np.asarray(info.k, np.float64).reshape(3, 3)
+        if projection is None or not (np.isfinite(matrix).all() and matrix[0, 0] > 0 < matrix[1, 1]):
+            raise UsageError(
+                f"{self.reader.path}: {topic} has the distortion model {info.distortion_model[:40]!r}; "
+                f"known: {', '.join(_PROJECTIONS)}"
+            )
+        return lens_of(projection, (int(info.width), int(info.height)), matrix, info.d.tolist())
+
+
+def recorded_cameras(reader: BagReader) -> list[RecordedCamera]:
+    """The cameras whose main images a bag holds, by vehicle and name; those of other tools too, if their
+    topics are named as in docs/bags.md."""
+    matches = [_TOPIC.match(topic) for topic in sorted(reader.topics_of_type(IMAGE_TYPE))]
+    return [RecordedCamera(match[1], match[2], reader) for match in matches if match]
