@@ -60,10 +60,11 @@ def attack(
 ) -> AttackSummary:
     """Carry out the attacks of a request on a bag and write the bag they make.
 
-    GPS comes first, then V2X, radar, cameras and LiDAR. Every message that is not attacked is copied byte for byte.
-    Frames that are not chosen are left out, or their clouds alone where messages are attacked too. Beside the
-    bag in the folder `out` lie attack.yaml (the resolved request) and Parquet files with the labels:
-    labels.parquet and frames.parquet of clouds (see `labels.clouds`), and those of each change of messages.
+    GPS comes first, then V2X, radar, cameras and LiDAR. Every message that is not attacked is copied byte for
+    byte. Frames that are not chosen are left out, or their clouds alone where messages are attacked too.
+    Beside the bag in the folder `out` lie attack.yaml (the resolved request) and Parquet files with the
+    labels: labels.parquet and frames.parquet of clouds (see `labels.clouds`), and those of each change of
+    messages.
     Debug topics (`messages.debug`) show viewers what was attacked, unless the request leaves them out; those
     of the given bag are not copied.
     An interrupted run resumes where it stopped. The bytes are the same for any number of worker processes

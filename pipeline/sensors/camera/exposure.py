@@ -98,11 +98,19 @@ class Exposure:
 
 @cache
 def _curve() -> UInt8:
-    """sRGB's curve after a shoulder (Reinhard et al. 2002, equation 4), by the square root of the signal."""
+    """`curve`, rounded."""
+    levels: UInt8 = np.rint(curve()).astype(np.uint8)
+    return levels
+
+
+@cache
+def curve() -> npt.NDArray[np.float64]:
+    """sRGB's curve after a shoulder (Reinhard et al. 2002, equation 4): levels from 0 to 255 at equal steps
+    of the square root of the signal, from 0 to that of `WHITE`."""
     signal = WHITE * np.linspace(0, 1, _STEPS) ** 2
     signal = signal * 1.15
     toned = np.clip(signal * (1 + signal / WHITE**2) / (1 + signal) * (1 + 1 / WHITE) * 1.02, 0, 1)
     toned = toned**1.08  # a little more contrast than the scene's
     coded = np.where(toned > 0.0031308, 1.055 * toned ** (1 / 2.4) - 0.055, 12.92 * toned)
-    levels: UInt8 = np.clip(np.rint(coded * 255), 0, 255).astype(np.uint8)
+    levels: npt.NDArray[np.float64] = np.clip(coded * 255, 0, 255)
     return levels

@@ -79,8 +79,9 @@ class CameraDrive(Protocol):
     def lens(self) -> Lens:
         """Its projection. Raises AdvpipeError for a bag that does not tell it."""
 
-    def scheduled(self) -> Iterator[tuple[CameraImage, CameraScene]]:
-        """The clean images that the attack will act on, in order, with what is known of their pixels.
+    def scheduled(self) -> Iterator[tuple[CameraImage, Callable[[], CameraScene]]]:
+        """The clean images that the attack will act on, in order, each with a function that tells what is
+        known of its pixels, until the next one is asked for.
 
         Raises AdvpipeError in a bag without depth, instances or true boxes.
         """

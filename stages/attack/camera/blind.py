@@ -44,7 +44,7 @@ class CameraBlind(CameraAttack):
     azimuth_deg: float = 4.0
     elevation_deg: float = 1.0
     distance_m: float = 30.0
-    power_w: float = 1.0
+    power_w: float = 5.0
     divergence_mrad: float = 5.0
     source_m: float = 0.05
     scatter: float = 0.3

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 
 from advpipe.pipeline.bag.reader import BagReader
@@ -30,7 +31,7 @@ class RecordedDrive:
     def lens(self) -> Lens:
         return self.camera.lens()
 
-    def scheduled(self) -> Iterator[tuple[CameraImage, CameraScene]]:
+    def scheduled(self) -> Iterator[tuple[CameraImage, Callable[[], CameraScene]]]:
         scenes, number = CameraSceneReader(self.reader, self.camera), 0
         wanted = sorted({self.camera.topic, *scenes.topic_names})
         for time_ns, group in groupby(self.reader.raw_messages(wanted), key=lambda raw: raw.log_time_ns):
@@ -41,7 +42,7 @@ class RecordedDrive:
                 if raw.topic.name == self.camera.topic:
                     if self.acts(time_ns):
                         image = image_from_cdr(raw.cdr)
-                        scene = scenes.scene(image.stamp_ns, image.frame_id)
+                        scene = partial(scenes.scene, image.stamp_ns, image.frame_id)
                         yield CameraImage(image, number), scene
                     number += 1
 

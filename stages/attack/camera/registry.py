@@ -11,7 +11,9 @@ def _fill(add: Add[CameraAttack]) -> None:
     from advpipe.stages.attack.camera.delay import CameraDelay
     from advpipe.stages.attack.camera.drop import CameraDrop
     from advpipe.stages.attack.camera.freeze import CameraFreeze
+    from advpipe.stages.attack.camera.patch import CameraPatch
 
+    add("camera-patch", CameraPatch)
     add("camera-blind", CameraBlind)
     add("camera-drop", CameraDrop)
     add("camera-freeze", CameraFreeze)

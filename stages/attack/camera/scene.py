@@ -1,4 +1,4 @@
-"""What a bag knows of the pixels of an image: how far they are, whose they are, and where road users stand."""
+"""What a bag knows of an image: how far its pixels are, whose they are, and where road users stand."""
 
 from __future__ import annotations
 

@@ -49,10 +49,15 @@ class _LightInfo(Document):
 
 @dataclass(frozen=True)
 class Illumination:
-    """The light at one time. ambient: (4, 3), as in `SkyMap`. sun: (3,) unit vector towards the sun in the
-    map frame; sun_light: (3,) illuminance in klx of a surface that faces it. horizon: (3,) luminance of the
-    air in kcd/m^2. extinction_per_m: of that air."""
+    """The light at one time.
 
+    is_dark: whether lamps outshine it. is_wet: whether roads are. ambient: (4, 3), as in `SkyMap`. sun: (3,)
+    unit vector towards the sun in the map frame; sun_light: (3,) illuminance in klx of a surface that faces
+    it. horizon: (3,) luminance of the air in kcd/m^2. extinction_per_m: of that air.
+    """
+
+    is_dark: bool
+    is_wet: bool
     ambient: Float64
     sun: Float64
     sun_light: Float64
@@ -103,6 +108,8 @@ def _illumination(
     daylight = Daylight(sun, weather)
     sky = SkyMap(daylight, named_generator(seed, "sky"))
     return Illumination(
+        daylight.is_dark,
+        weather.kind in ("rain", "snow"),
         sky.ambient.astype(np.float64),
         sun,
         daylight.sun_light,
