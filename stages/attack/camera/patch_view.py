@@ -1,4 +1,4 @@
-"""How a camera sees a patch: of each of its pixels, the share that is covered, and the mix of texels there."""
+"""How a camera sees a patch: which share of each pixel it covers, and the mix of texels there."""
 
 from __future__ import annotations
 
@@ -13,9 +13,15 @@ from advpipe.stages.attack.camera.scene import CameraScene
 
 Int64 = npt.NDArray[np.int64]
 
-BEFORE_M, BEHIND_M = 0.35, 0.9
-"""How far a body's surface may stand out of the plane of its box's rear, and back from it, for the patch to
-be seen there: bumpers, and sloping tailgates. What is farther is another side, or seats behind a window."""
+OUT_M = 0.35
+"""How far the body under the patch may stand out of the plane of its box's rear, and be behind it all the
+same: boxes are not exact to the last bumper."""
+
+CLOSE_M = 0.03
+"""The same of what does not belong to that body, for rounding."""
+
+KNOWN_M = 65.0
+"""Range up to which depth images tell surfaces; a patch farther away is where its vehicle is."""
 
 LEAST_RAYS, MOST_RAYS = 2, 5
 """Rays per pixel in each direction."""
@@ -60,12 +66,13 @@ def patch_view(
 ) -> PatchView:
     """The view of a patch of `texels` (rows, columns) on a road user that the scene knows.
 
-    Rays from each pixel meet the plane of the patch, which holds for every lens. A pixel shows the patch if
-    it shows the road user, near that plane. offset_m, scale: by which the print is displaced (right, down)
-    and larger than it should be.
+    Rays from each pixel meet the plane of the patch, which holds for every lens. A pixel shows the patch
+    unless its surface, as the depth image has it, is before that plane; as depth does, the patch shines
+    through windows. offset_m, scale: by which the print is displaced (right, down) and larger than it should
+    be.
     """
     range_m = float(np.linalg.norm(optical_SE3_patch[:3, 3]))
-    pixels = _candidates(scene, target, optical_SE3_patch, size)
+    pixels = _candidates(scene, optical_SE3_patch, size)
     if not len(pixels):
         return _empty(range_m)
     count = _rays_per_side(scene, optical_SE3_patch, size, texels)
@@ -75,17 +82,23 @@ def patch_view(
     places = np.stack([pixels % width, pixels // width], axis=1).astype(np.float64)
     rays = scene.lens.directions((places[:, None, :] + np.stack([across, down], axis=1)[None]).reshape(-1, 2))
     where_m, hit_m = plane_hits(rays, optical_SE3_patch)
-    surface_m = np.repeat(scene.range_m.ravel()[pixels], count * count)
+    before = hit_m.reshape(len(pixels), -1) > _least_range(scene, target, pixels)[:, None]
     share = (where_m - np.array(offset_m)) / (np.array([size.width_m, size.height_m]) * scale) + 0.5
     with np.errstate(invalid="ignore"):
-        on = ((share >= 0) & (share < 1)).all(axis=1)
-        on &= (surface_m > hit_m - BEFORE_M) & (surface_m < hit_m + BEHIND_M)
+        on = ((share >= 0) & (share < 1)).all(axis=1) & ~before.ravel()
     chosen = np.flatnonzero(on)
     return _view(pixels, chosen // (count * count), share[chosen], texels, count * count, range_m)
 
 
-def _candidates(scene: CameraScene, target: str, pose: Float64, size: PatchSize) -> Int64:
-    """The pixels of the road user near the patch."""
+def _least_range(scene: CameraScene, target: str, pixels: Int64) -> Float64:
+    """The range (P,) beyond which a patch is hidden in each pixel."""
+    own, surface_m = scene.pixels_of(target).ravel()[pixels], scene.range_m.ravel()[pixels]
+    hidden_m = surface_m + np.where(own, OUT_M, CLOSE_M)
+    return np.where(np.isnan(surface_m), np.where(own, np.inf, KNOWN_M), hidden_m)
+
+
+def _candidates(scene: CameraScene, pose: Float64, size: PatchSize) -> Int64:
+    """The pixels around the patch."""
     edges = corners_px(scene, pose, size)
     if not np.isfinite(edges).all() or not is_behind(pose):
         return np.zeros(0, np.int64)
@@ -96,8 +109,8 @@ def _candidates(scene: CameraScene, target: str, pose: Float64, size: PatchSize)
     right, bottom = min(right, width - 1), min(bottom, height - 1)
     if right < left or bottom < top:
         return np.zeros(0, np.int64)
-    rows, columns = np.nonzero(scene.pixels_of(target)[top : bottom + 1, left : right + 1])
-    found: Int64 = (rows + top) * width + columns + left
+    columns, rows = np.meshgrid(np.arange(left, right + 1), np.arange(top, bottom + 1))
+    found: Int64 = (rows * width + columns).ravel()
     return found
 
 
