@@ -98,6 +98,14 @@ if TYPE_CHECKING:
     from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam as encode_cam
     from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot as LdmSnapshot
     from advpipe.pipeline.v2x.facilities.ldm import Verdict as Verdict
+    from advpipe.stages.attack.camera.base import AttackedImage as AttackedImage
+    from advpipe.stages.attack.camera.base import CameraAttack as CameraAttack
+    from advpipe.stages.attack.camera.base import CameraDrive as CameraDrive
+    from advpipe.stages.attack.camera.base import CameraImage as CameraImage
+    from advpipe.stages.attack.camera.base import CameraTraits as CameraTraits
+    from advpipe.stages.attack.camera.base import ImageContext as ImageContext
+    from advpipe.stages.attack.camera.base import PaintedArea as PaintedArea
+    from advpipe.stages.attack.camera.base import whole_image as whole_image
     from advpipe.stages.attack.gnss.base import GnssAttack as GnssAttack
     from advpipe.stages.attack.gnss.base import GnssTraits as GnssTraits
     from advpipe.stages.attack.gnss.base import Spoofer as Spoofer
@@ -198,6 +206,10 @@ _NAMES_OF = {
     "pipeline.v2x.facilities.cam": ("Cam",),
     "pipeline.v2x.facilities.cam_tree": ("encode_cam",),
     "pipeline.v2x.facilities.ldm": ("LdmSnapshot", "Verdict"),
+    "stages.attack.camera.base": (
+        *("AttackedImage", "CameraAttack", "CameraDrive", "CameraImage", "CameraTraits", "ImageContext"),
+        *("PaintedArea", "whole_image"),
+    ),
     "stages.attack.radar.base": ("AttackedScan", "RadarAttack", "RadarTraits", "ScanContext"),
     "stages.attack.gnss.base": ("GnssAttack", "GnssTraits", "Spoofer", "SpoofingContext"),
     "stages.attack.lidar.base": (

@@ -21,8 +21,8 @@ from advpipe.stages.attack.camera.base import (
 
 @dataclass(frozen=True, kw_only=True)
 class CameraDelay(CameraAttack):
-    """Images of a camera arrive late, in their order and with their own time stamps, as through a queue that
-    an attacker holds up.
+    """Images of a camera arrive late. They keep their order and their time stamps, as in a queue that an
+    attacker holds up.
 
     What the queue still holds when the attack ends arrives with the next image; what it holds at the end of
     the drive never arrives. delay_s: by which each image is late. camera: the name of the attacked one; all

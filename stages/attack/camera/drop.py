@@ -21,7 +21,7 @@ from advpipe.stages.attack.camera.base import (
 
 @dataclass(frozen=True, kw_only=True)
 class CameraDrop(CameraAttack):
-    """Images of a camera never arrive, as when an attacker floods its link or cuts it.
+    """Images of a camera never arrive, as when its link is flooded or cut.
 
     probability: that an image is lost; 1 is a cut. camera: the name of the attacked one; all of the victim
     without a name.

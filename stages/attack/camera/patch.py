@@ -40,18 +40,20 @@ VIEWS, OFF_M, LARGER = 3, 0.02, 0.04
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPatch(CameraAttack):
-    """A patch printed on the rear of a vehicle makes a detector overlook this vehicle (as Thys et al.,
-    Fooling automated surveillance cameras, CVPR Workshops 2019, did with persons; expectation over
-    transformations after Athalye et al., ICML 2018).
+    """A patch printed on the rear of a vehicle makes a detector overlook this vehicle. So did Thys et al. with
+    persons (Fooling automated surveillance cameras, CVPR Workshops 2019).
 
     The patch is a rectangle on the rear plane of the vehicle's true box, seen through the camera's lens,
     behind what hides it, in the light and the air of the scene. One texture is sought for all images of the
-    schedule. target: id of the vehicle; without one, the nearest whose rear the first attacked images show.
+    schedule, with expectation over small errors of print, place and exposure (Athalye et al., ICML 2018).
+
+    target: id of the vehicle; without one, the nearest whose rear the first attacked images show.
     width_m, height_m: of the print. center_m: height of its middle above the road. texel_m: side of one of
     its squares. pattern: adversarial, random (every square at random) or random-best (of `tries` random ones,
     the one under which the detector sees the vehicle least). image_detector: the attacked one, a name, a
-    checkpoint or module:Class. steps: of the search. images: of the schedule that it looks at. camera: the
-    name of the attacked one; all of the victim without a name.
+    checkpoint or module:Class. steps: of the search. images: as many of the schedule as it looks at. tries:
+    random patches of random-best. learning_rate: of the search (Adam). camera: the name of the attacked one;
+    all of the victim without a name.
     """
 
     traits = CameraTraits(needs_scene=True)

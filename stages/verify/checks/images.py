@@ -14,7 +14,7 @@ from advpipe.pipeline.labels.image_quantities import IMAGE_QUANTITIES, ImageChan
 from advpipe.pipeline.labels.images import DELAYED, DROPPED, EDGES, FILE, PAINTED, REPLACED
 from advpipe.pipeline.labels.quantity import Range, beyond_all
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.compressed_image import StampedImage, image_from_cdr
+from advpipe.pipeline.messages.compressed_image import StampedImage, image_from_cdr, pixels_of
 from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
@@ -151,8 +151,6 @@ def _content_faults(
 def _measured(pair: _ImagePair, by_action: Mapping[str, LabelRow]) -> ImageChange:
     share = 0.0
     if PAINTED in by_action:
-        from advpipe.pipeline.messages.compressed_image import pixels_of
-
         left, top, right, bottom = (by_action[PAINTED][edge] for edge in EDGES)
         height, width = pixels_of(pair.base.file).shape[:2]
         share = (right - left + 1) * (bottom - top + 1) / (width * height)
