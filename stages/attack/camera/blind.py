@@ -27,8 +27,8 @@ EXPOSURE_SPEED = 0.35
 
 @dataclass(frozen=True, kw_only=True)
 class CameraBlind(CameraAttack):
-    """A strong light shines into the lens. It makes a saturated disc with streaks, stray light over all of the
-    image, and an exposure that follows, so that the rest grows dark (Petit et al., Remote attacks on
+    """A strong light shines into the lens. It makes a saturated disc with streaks, stray light over all of
+    the image, and an exposure that follows, so that the rest grows dark (Petit et al., Remote attacks on
     automated vehicles sensors, Black Hat Europe 2015; glare after Spencer et al., SIGGRAPH 1995).
 
     Its brightness follows from the power, the beam and the air between. azimuth_deg: where the light stands

@@ -20,8 +20,8 @@ from advpipe.stages.attack.camera.base import (
 
 @dataclass(frozen=True, kw_only=True)
 class CameraFreeze(CameraAttack):
-    """Shows the last image before the attack again and again. It comes with the time stamps of the images that
-    it hides, so that the stream looks alive.
+    """Shows the last image before the attack again and again. It comes with the time stamps of the images
+    that it hides, so that the stream looks alive.
 
     An attack from the first image on freezes this one. camera: the name of the attacked one; all of the
     victim without a name.

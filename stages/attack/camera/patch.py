@@ -40,8 +40,8 @@ VIEWS, OFF_M, LARGER = 3, 0.02, 0.04
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPatch(CameraAttack):
-    """A patch printed on the rear of a vehicle makes a detector overlook this vehicle. So did Thys et al. with
-    persons (Fooling automated surveillance cameras, CVPR Workshops 2019).
+    """A patch printed on the rear of a vehicle makes a detector overlook this vehicle. So did Thys et al.
+    with persons (Fooling automated surveillance cameras, CVPR Workshops 2019).
 
     The patch is a rectangle on the rear plane of the vehicle's true box, seen through the camera's lens,
     behind what hides it, in the light and the air of the scene. One texture is sought for all images of the
@@ -100,7 +100,7 @@ class CameraPatch(CameraAttack):
 
     def begin(self, rng: np.random.Generator, drive: CameraDrive) -> ImageAttacker:
         """Draws for the texture and its search, and for how prints are displaced."""
-        target = self.target or self._nearest(drive)
+        target = self._vehicle(drive)
         texture = self._texture(rng, drive, target)
 
         def paint(image: CameraImage, context: ImageContext) -> AttackedImage:
@@ -113,17 +113,18 @@ class CameraPatch(CameraAttack):
 
         return paint
 
-    def _nearest(self, drive: CameraDrive) -> str:
-        """The nearest vehicle with its rear in view, in the first scheduled image with one."""
+    def _vehicle(self, drive: CameraDrive) -> str:
+        """The target, or the nearest vehicle, in the first scheduled image that shows the rear of one."""
         for image, scene in drive.scheduled():
             known = scene()
             for name in candidates(known, self.size):
                 patch = self._in_image(image, known, drive.light, name)
-                if patch is not None and len(patch.view.pixels) >= LEAST_PIXELS:
+                is_seen = patch is not None and len(patch.view.pixels) >= LEAST_PIXELS
+                if is_seen and self.target in ("", name):
                     return name
         raise UsageError(
-            f"camera-patch: no image of {drive.camera.topic} in the schedule shows the rear of a vehicle; "
-            "choose another schedule, camera or drive"
+            f"camera-patch: no image of {drive.camera.topic} in the schedule shows the rear of "
+            f"{self.target or 'a vehicle'}; choose another target, schedule or camera"
         )
 
     def _in_image(
@@ -169,7 +170,8 @@ class CameraPatch(CameraAttack):
                 found.append(PatchExample(image.rgb(), views, _box_px(scene, target), label))
         if not found:
             raise UsageError(
-                f"camera-patch: no image of {drive.camera.topic} in the schedule shows the rear of {target}"
+                f"camera-patch: none of the {self.images} images that it looks at shows the rear of "
+                f"{target}; raise images"
             )
         examples = PatchExamples(found, detector)
         with fixed_torch_threads():

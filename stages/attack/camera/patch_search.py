@@ -61,7 +61,7 @@ class PatchExamples:
         low = place.detach().floor().long().clamp(max=len(self._curve) - 2)
         levels = self._curve[low] + (self._curve[low + 1] - self._curve[low]) * (place - low)
         levels = (levels + noise).clamp(0, 1)
-        image = torch.from_numpy(example.rgb.reshape(-1, 3)).float() / 255
+        image = torch.from_numpy(example.rgb.reshape(-1, 3).astype(np.float32) / 255)
         image = image.index_put((torch.from_numpy(view.view.pixels),), levels)
         found = self._detector.objectness(
             image.reshape(height, width, 3).permute(2, 0, 1),
