@@ -128,7 +128,7 @@ def optimised(
         score = examples.objectness(shown, example, view, gain, noise)
         loss = torch.log(score.clamp(min=1e-6)) + ROUGHNESS * _variation(texture, texels)
         optimiser.zero_grad()
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
         with torch.no_grad():
             texture.clamp_(0, 1)

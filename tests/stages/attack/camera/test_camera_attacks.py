@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.compressed_image import image_from_cdr, image_to_cdr, pixels_of
+from advpipe.pipeline.messages.compressed_image import encoded_like, image_from_cdr, image_to_cdr, pixels_of
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.camera.base import CameraAttack, CameraTraits, whole_image
 from advpipe.stages.attack.run import AttackRequest, attack
@@ -167,10 +169,6 @@ def test_the_bags_verify(camera_drive: Path) -> None:
 
 def _repaint(raw: RawMessage) -> bytes:
     """The image with a corner painted black."""
-    from dataclasses import replace
-
-    from advpipe.pipeline.messages.compressed_image import encoded_like
-
     image = image_from_cdr(raw.cdr)
     rgb = pixels_of(image.file).copy()
     rgb[:40, :40] = 0
@@ -179,10 +177,6 @@ def _repaint(raw: RawMessage) -> bytes:
 
 def _forge(bag: Path, number: int) -> None:
     """Paint on one image of a bag, and write the bag again."""
-    from dataclasses import replace
-
-    from advpipe.pipeline.bag.writer import BagWriter
-
     reader = BagReader(bag)
     every = list(reader.raw_messages(list(reader.topics)))
     provenance, beside = dict(reader.provenance), (bag / "camera_labels.parquet").read_bytes()
