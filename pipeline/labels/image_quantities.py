@@ -12,12 +12,14 @@ from advpipe.pipeline.labels.quantity import Quantity
 class ImageChange:
     """What became of one image. is_dropped: whether it never arrives. delay_s: by which it arrives late.
     other: whether it shows another image of the drive. pixel_share: share of its pixels inside the rectangle
-    that was painted on."""
+    that was painted on. extent_m: least diagonal in metres of what was painted on a road user; None where
+    it is unknown or on none."""
 
     is_dropped: bool = False
     delay_s: float = 0.0
     other: bool = False
     pixel_share: float = 0.0
+    extent_m: float | None = None
 
 
 IMAGES_DROPPED = Quantity[ImageChange](
@@ -32,7 +34,11 @@ IMAGES_REPLACED = Quantity[ImageChange](
 PIXEL_SHARE = Quantity[ImageChange](
     "pixel_share", "1", "share of an image that was painted on", lambda change: change.pixel_share
 )
+PAINT_EXTENT = Quantity[ImageChange](
+    "paint_extent_m", "m", "diagonal of what was painted on a road user", lambda change: change.extent_m
+)
 
 IMAGE_QUANTITIES: Mapping[str, Quantity[ImageChange]] = {
-    quantity.name: quantity for quantity in (IMAGES_DROPPED, IMAGE_DELAY, IMAGES_REPLACED, PIXEL_SHARE)
+    quantity.name: quantity
+    for quantity in (IMAGES_DROPPED, IMAGE_DELAY, IMAGES_REPLACED, PIXEL_SHARE, PAINT_EXTENT)
 }

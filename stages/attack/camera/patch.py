@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -10,7 +11,12 @@ import numpy as np
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.labels.image_quantities import IMAGE_DELAY, IMAGES_DROPPED, IMAGES_REPLACED
+from advpipe.pipeline.labels.image_quantities import (
+    IMAGE_DELAY,
+    IMAGES_DROPPED,
+    IMAGES_REPLACED,
+    PAINT_EXTENT,
+)
 from advpipe.pipeline.sensors.camera.exposure import signal_of
 from advpipe.stages.attack.bounds import checked_choice, checked_integer, checked_number
 from advpipe.stages.attack.camera.base import (
@@ -85,7 +91,8 @@ class CameraPatch(CameraAttack):
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        return dict.fromkeys((IMAGES_DROPPED.name, IMAGE_DELAY.name, IMAGES_REPLACED.name), (0, 0))
+        none = dict.fromkeys((IMAGES_DROPPED.name, IMAGE_DELAY.name, IMAGES_REPLACED.name), (0.0, 0.0))
+        return none | {PAINT_EXTENT.name: (0.0, math.hypot(self.width_m, self.height_m))}
 
     @property
     def size(self) -> PatchSize:

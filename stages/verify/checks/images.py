@@ -19,6 +19,7 @@ from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.checks.painted import paint_fault
+from advpipe.stages.verify.checks.painted_objects import PaintedObjects
 from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
 from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
 
@@ -70,9 +71,10 @@ class Images(BagCheck):
         for camera in recorded_cameras(attacked.clean):
             if camera.topic not in attacked.replaced:
                 continue
+            truth = PaintedObjects(attacked.clean, camera)
             for pair in _pairs(attacked, camera.topic):
                 own = labels.pop((camera.topic, pair.number), [])
-                what = next(_faults(attacked.clean, pair, own, acts), None)
+                what = next(_faults(attacked.clean, pair, own, acts, truth), None)
                 if what is not None:
                     yield Fault(where, f"image {pair.number} of {camera.topic} {what}")
         for topic, number in list(labels)[:1]:
@@ -97,7 +99,9 @@ def _pairs(attacked: AttackedBag, topic: str) -> Iterator[_ImagePair]:
         raise ValueError(f"{topic} holds an image at {waiting.log_time_ns} ns that is not of the clean bag")
 
 
-def _faults(clean: BagReader, pair: _ImagePair, labels: Sequence[LabelRow], acts: Acts) -> Iterator[str]:
+def _faults(
+    clean: BagReader, pair: _ImagePair, labels: Sequence[LabelRow], acts: Acts, truth: PaintedObjects
+) -> Iterator[str]:
     by_action: dict[str, LabelRow] = {}
     for label in labels:
         if label["action"] not in (DROPPED, DELAYED, REPLACED, PAINTED):
@@ -119,7 +123,7 @@ def _faults(clean: BagReader, pair: _ImagePair, labels: Sequence[LabelRow], acts
     if pair.delay_ns != stated_ns:
         yield f"is {pair.delay_ns} ns late, but labelled with {stated_ns}"
     yield from _content_faults(clean, pair, labels, by_action)
-    yield from _beyond(pair, labels, acts, _measured(pair, by_action))
+    yield from _beyond(pair, labels, acts, _measured(pair, by_action, truth))
 
 
 def _content_faults(
@@ -148,13 +152,16 @@ def _content_faults(
         yield from paint_fault(file, shown.file, areas)
 
 
-def _measured(pair: _ImagePair, by_action: Mapping[str, LabelRow]) -> ImageChange:
-    share = 0.0
+def _measured(pair: _ImagePair, by_action: Mapping[str, LabelRow], truth: PaintedObjects) -> ImageChange:
+    share, extent_m = 0.0, None
     if PAINTED in by_action:
         left, top, right, bottom = (by_action[PAINTED][edge] for edge in EDGES)
         height, width = pixels_of(pair.base.file).shape[:2]
         share = (right - left + 1) * (bottom - top + 1) / (width * height)
-    return ImageChange(delay_s=pair.delay_ns / 1e9, other=REPLACED in by_action, pixel_share=share)
+        if target := by_action[PAINTED]["target"]:
+            extent_m = truth.extent_m(pair.base, target, (left, top, right, bottom))
+    is_other = REPLACED in by_action
+    return ImageChange(delay_s=pair.delay_ns / 1e9, other=is_other, pixel_share=share, extent_m=extent_m)
 
 
 def _beyond(pair: _ImagePair, labels: Sequence[LabelRow], acts: Acts, change: ImageChange) -> Iterator[str]:

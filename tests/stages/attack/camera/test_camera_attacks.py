@@ -212,6 +212,23 @@ def test_verify_finds_a_forged_image(
     assert re.search(what, found[0]), found
 
 
+def test_verify_measures_how_large_a_patch_is(camera_drive: Path, tmp_path: Path) -> None:
+    """A bag whose attack declares less than the 1.2 m that it painted."""
+    for each in ("clean", "patch"):
+        shutil.copytree(camera_drive / each, tmp_path / each)
+    row = labels(tmp_path / "patch")[0]
+    wider = row["right_px"] + round(0.6 * (row["right_px"] - row["left_px"]))
+    path = tmp_path / "patch" / "camera_labels.parquet"
+    table = pq.read_table(path)
+    rows = table.to_pylist()
+    rows[0]["right_px"] = wider
+    pq.write_table(pa.Table.from_pylist(rows, table.schema), path)
+    (found,) = [one.what for one in verify(tmp_path / "patch").findings if one.check == "images"]
+    assert re.search(
+        r"exceeds the bounds of camera-patch: diagonal of what was painted on a road user", found
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "damage", "what"),
     [
