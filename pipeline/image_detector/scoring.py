@@ -1,4 +1,4 @@
-"""Scores detections in pictures by KITTI's rules of difficulty: average precision with 40 recall positions."""
+"""Scores detections in pictures by KITTI's rules of difficulty: average precision at 40 recall positions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ from advpipe.pipeline.geometry.iou import iou_2d, shared_areas
 from advpipe.pipeline.image_detector.protocol import ImageDetections
 from advpipe.pipeline.kitti.class_names import KITTI_NAMES
 from advpipe.pipeline.messages.labels import ImageLabel
-from advpipe.pipeline.metrics.average_precision import STRICT_IOU, FrameMatches, average_precision
+from advpipe.pipeline.metrics.average_precision import (
+    STRICT_IOU,
+    FrameMatches,
+    RankedMatches,
+    average_precision,
+)
 from advpipe.pipeline.metrics.kitti import KITTI_DIFFICULTIES, KittiDifficulty
 from advpipe.pipeline.metrics.matching import match_overlaps
 
@@ -89,6 +94,61 @@ def picture_precisions(
             objects = sum(frame.n_truth for frame in frames[0])
             strict, half = map(average_precision, frames)
             yield PicturePrecision(name, difficulty.name, objects, strict, half)
+
+
+@dataclass(frozen=True)
+class ConditionScore:
+    """One condition. strict, half: as in `PicturePrecision`. is_found: (N,), which of the objects that count,
+    in all pictures one after the other, a detection finds with an overlap of `HALF`."""
+
+    strict: float
+    half: float
+    is_found: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class PictureScores:
+    """Of one class at one difficulty, clean and as it was shown. min_score: of the best F1 in the clean
+    pictures, with which objects are found in either."""
+
+    class_name: str
+    difficulty: str
+    objects: int
+    min_score: float
+    clean: ConditionScore
+    shown: ConditionScore
+
+
+def picture_scores(
+    truths: Sequence[PictureTruth],
+    clean: Sequence[ImageDetections],
+    shown: Sequence[ImageDetections],
+    classes: Sequence[str],
+) -> Iterator[PictureScores]:
+    """Of each class of a detector and each difficulty: two lists of detections at the same moments."""
+    for name in classes:
+        for difficulty in KITTI_DIFFICULTIES:
+            strict, half = (
+                [
+                    [
+                        picture_matches(truth, each, classes.index(name), name, difficulty, min_iou)
+                        for truth, each in zip(truths, found, strict=True)
+                    ]
+                    for found in (clean, shown)
+                ]
+                for min_iou in (STRICT_IOU[name], HALF)
+            )
+            min_score = RankedMatches.of(half[0]).best_f1_score()
+            conditions = [
+                ConditionScore(average_precision(one), average_precision(other), _found(other, min_score))
+                for one, other in zip(strict, half, strict=True)
+            ]
+            objects = sum(frame.n_truth for frame in half[0])
+            yield PictureScores(name, difficulty.name, objects, min_score, *conditions)
+
+
+def _found(frames: Sequence[FrameMatches], min_score: float) -> npt.NDArray[np.bool_]:
+    return np.concatenate([np.zeros(0, bool), *(each.found(min_score)[each.is_evaluated] for each in frames)])
 
 
 def picture_matches(
