@@ -33,10 +33,10 @@ drive() { # name, scenario, seed, cameras, start, further settings
 }
 generated() { # name, seed, cameras, start, kind, size, block, lanes, further settings
     drive "$1" training "$2" "$3" "$4" map.sumo_net=null "map.generator.kind=$5" "map.generator.size=$6" \
-        "map.generator.block_m=$7" "map.generator.lanes=$8" simulation.duration_s=56 "${@:9}"
+        "map.generator.block_m=$7" "map.generator.lanes=$8" simulation.duration_s=40 "${@:9}"
 }
 test_drive() { # name, scenario, seed, start, further settings
-    drive "$1" "$2" "$3" "$middle" "$4" simulation.duration_s=40 traffic.vehicles=160 "${@:5}"
+    drive "$1" "$2" "$3" "$middle" "$4" simulation.duration_s=36 traffic.vehicles=160 "${@:5}"
 }
 vehicles=traffic.vehicles people=traffic.pedestrians parked=traffic.parked_per_km
 buildings=environment.buildings speed=map.generator.speed_mps weather=environment.weather
