@@ -9,32 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, cameras_of
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.messages.build import stamp_ns
 from advpipe.pipeline.messages.images import decoded_rgb
 from advpipe.pipeline.messages.labels import ImageLabel, image_labels_from_message
-from advpipe.pipeline.messages.topics import VehicleTopics
-
-
-@dataclass(frozen=True)
-class RecordedCamera:
-    """A camera with colour pictures that are labelled."""
-
-    vehicle: str
-    name: str
-
-    @property
-    def image_topic(self) -> str:
-        return VehicleTopics(self.vehicle).camera_image(self.name, "rgb").name
-
-    @property
-    def labels_topic(self) -> str:
-        return VehicleTopics(self.vehicle).image_labels(self.name).name
-
-    @property
-    def amodal_topic(self) -> str:
-        return VehicleTopics(self.vehicle).amodal_boxes(self.name).name
 
 
 @dataclass(frozen=True)
@@ -55,14 +35,7 @@ class Picture:
 
 def recorded_cameras(reader: BagReader) -> list[RecordedCamera]:
     """The cameras of all vehicles by name, as far as pictures and labels of them are in the bag."""
-    found = []
-    for topic in sorted(reader.topics):
-        parts = topic.strip("/").split("/")
-        if len(parts) == 4 and parts[2:] == ["image", "compressed"]:
-            camera = RecordedCamera(parts[0], parts[1])
-            if topic == camera.image_topic and camera.labels_topic in reader.topics:
-                found.append(camera)
-    return found
+    return [each for each in cameras_of(reader) if each.labels_topic in reader.topics]
 
 
 def read_pictures(

@@ -14,7 +14,7 @@ from itertools import groupby
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, recorded_cameras
+from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, cameras_of
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.images import DROPPED, FILE, IMAGE_COLUMNS
@@ -141,18 +141,18 @@ def attack_cameras(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) 
     Raises AdvpipeError for a victim without cameras in the bag, for a camera that it does not have, for bad
     parameters, and for a schedule that begins after the recording.
     """
-    recording, cameras = recording_of(reader), recorded_cameras(reader)
+    recording, cameras = recording_of(reader), cameras_of(reader)
     by_camera: dict[str, list[AttackSpec]] = {}
     for spec in attacks:
         for one in attacked_cameras(str(reader.path), spec, cameras):
-            by_camera.setdefault(one.topic, []).append(spec)
+            by_camera.setdefault(one.image_topic, []).append(spec)
     attacked = {}
     for camera in cameras:
-        if camera.topic in by_camera:
+        if camera.image_topic in by_camera:
             drive_of = partial(RecordedDrive, reader, camera, SceneLight(reader))
-            specs = by_camera[camera.topic]
-            schedule = ImageAttackSchedule(specs, drive_of, camera.topic, recording, seed)
-            attacked[camera.topic] = _AttackedCamera(
+            specs = by_camera[camera.image_topic]
+            schedule = ImageAttackSchedule(specs, drive_of, camera.image_topic, recording, seed)
+            attacked[camera.image_topic] = _AttackedCamera(
                 SceneTaker(reader, camera, schedule.needs_scene), schedule
             )
     return CameraChange(reader, attacked, recording)

@@ -8,7 +8,7 @@ from functools import partial
 from itertools import groupby
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import RecordedCamera
+from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, camera_lens
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.compressed_image import image_from_cdr
@@ -29,17 +29,17 @@ class RecordedDrive:
     acts: Acting
 
     def lens(self) -> Lens:
-        return self.camera.lens()
+        return camera_lens(self.reader, self.camera)
 
     def scheduled(self) -> Iterator[tuple[CameraImage, Callable[[], CameraScene]]]:
         scenes, number = CameraSceneReader(self.reader, self.camera), 0
-        wanted = sorted({self.camera.topic, *scenes.topic_names})
+        wanted = sorted({self.camera.image_topic, *scenes.topic_names})
         for time_ns, group in groupby(self.reader.raw_messages(wanted), key=lambda raw: raw.log_time_ns):
             instant = list(group)
             for raw in instant:
                 scenes.take(raw)
             for raw in instant:
-                if raw.topic.name == self.camera.topic:
+                if raw.topic.name == self.camera.image_topic:
                     if self.acts(time_ns):
                         image = image_from_cdr(raw.cdr)
                         scene = partial(scenes.scene, image.stamp_ns, image.frame_id)

@@ -21,9 +21,9 @@ LUMENS_PER_WATT = 300.0
 TINT = np.array([1.0, 0.98, 0.94])
 """Colour of the light in the linear primaries of sRGB."""
 
-STREAK_DEG, STREAK_SHARE = 0.07, 0.06
-"""Half width of a streak, and its brightness in its middle over the squared angle, by eye: what the blades of
-an aperture diffract."""
+STREAK_DEG, STREAK_SHARE, STREAK_END_DEG = 0.12, 0.03, 9.0
+"""Half width of a streak, its brightness in its middle over the squared angle, and where it fades, by eye:
+what the blades of an aperture diffract."""
 
 CORE_DEG = 0.02
 
@@ -117,4 +117,5 @@ def _streaks(angle_deg: Float64, turn_rad: Float64, blades: int, pixel_deg: floa
         across_deg = angle_deg * np.sin(turn_rad - axis)
         line = np.exp(-((across_deg / half_deg) ** 2)) * STREAK_DEG / half_deg
         streaks = np.maximum(streaks, line)
-    return streaks * STREAK_SHARE * 100 / (angle_deg + 0.3) ** 2
+    fading = 1 + (angle_deg / STREAK_END_DEG) ** 2
+    return streaks * STREAK_SHARE * 100 / (angle_deg + 0.3) ** 2 / fading

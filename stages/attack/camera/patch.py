@@ -130,7 +130,7 @@ class CameraPatch(CameraAttack):
                 if is_seen and self.target in ("", name):
                     return name
         raise UsageError(
-            f"camera-patch: no image of {drive.camera.topic} in the schedule shows the rear of "
+            f"camera-patch: no image of {drive.camera.image_topic} in the schedule shows the rear of "
             f"{self.target or 'a vehicle'}; choose another target, schedule or camera"
         )
 
@@ -152,7 +152,8 @@ class CameraPatch(CameraAttack):
         if view.is_empty:
             return None
         signal = signal_of(image.rgb())
-        lit = patch_light(scene, signal, light.at(image.stamped.stamp_ns), target, pose)
+        around = light.at(image.stamped.stamp_ns)
+        lit = patch_light(scene, signal, around, target, pose, view.pixels)
         return PatchImage(view, lit, signal.reshape(-1, 3)[view.pixels])
 
     def _texture(self, rng: np.random.Generator, drive: CameraDrive, target: str) -> Float64:

@@ -33,8 +33,8 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class PatchLight:
-    """Signals of an image (see `exposure.signal_of`). white: (3,) of a white patch. air: (3,) of the light
-    that the air before it scatters."""
+    """Signals of an image (see `exposure.signal_of`). white: of a white patch, (3,) or one for each of its
+    pixels (P, 3). air: (3,) of the light that the air before it scatters."""
 
     white: Float64
     air: Float64
@@ -46,47 +46,71 @@ def patch_light(
     light: Illumination,
     target: str,
     optical_SE3_patch: Float64,
+    pixels: npt.NDArray[np.int64],
 ) -> PatchLight:
-    """The light on the patch in an image with this signal (H, W, 3)."""
+    """The light on the pixels (P,) of a patch in an image with this signal (H, W, 3)."""
     exposure = _exposure(scene, signal, light)
     range_m = float(np.linalg.norm(optical_SE3_patch[:3, 3]))
     passed = float(light.transmittance(np.array(range_m)))
     air = exposure * light.horizon * (1 - passed)
     if light.is_dark or light.is_wet:
-        body = signal[scene.pixels_of(target)]
-        grey = float(np.median(body[:, 1])) if len(body) else 0.1
-        return PatchLight(np.full(3, max(grey - float(air[1]), 0.002) / BODY), air)
+        return PatchLight(_of_body(scene, signal, target, pixels, float(air[1])), air)
     map_R_patch = (scene.map_SE3_base @ scene.base_SE3_optical @ optical_SE3_patch)[:3, :3]
     is_sunny = _is_sunny(scene, signal, light, exposure, range_m)
     return PatchLight(exposure * passed * light.white(-map_R_patch[:, 2], is_sunny), air)
 
 
-def _road(scene: CameraScene, signal: npt.NDArray[np.float32], least_m: float, most_m: float) -> Float64:
-    """The signal (N,) of the road at these ranges."""
+def _of_body(
+    scene: CameraScene,
+    signal: npt.NDArray[np.float32],
+    target: str,
+    pixels: npt.NDArray[np.int64],
+    air: float,
+) -> Float64:
+    """The signal of white (P, 3), grey, by the body in the same row: low beams end at a height."""
+    width = signal.shape[1]
+    own = scene.pixels_of(target).ravel()[pixels]
+    row, levels = pixels // width, signal.reshape(-1, 3)[pixels, 1]
+    whole = float(np.median(levels[own])) if own.any() else 0.1
+    white = np.full(len(pixels), whole)
+    for each in np.unique(row):
+        there = own & (row == each)
+        if there.any():
+            white[row == each] = np.median(levels[there])
+    grey: Float64 = np.maximum(white - air, 0.002)[:, None] / BODY
+    return np.repeat(grey, 3, axis=1)
+
+
+def _road(
+    scene: CameraScene, signal: npt.NDArray[np.float32], light: Illumination, least_m: float, most_m: float
+) -> tuple[Float64, Float64]:
+    """The exposure by which the road at these ranges has its signal (N,), in the sun and in the shade."""
     with np.errstate(invalid="ignore"):
         there = (scene.tags == TAG["Roads"]) & (scene.range_m > least_m) & (scene.range_m < most_m)
-    found: Float64 = signal[there, 1].astype(np.float64)
-    return found
+    passed = light.transmittance(scene.range_m[there])
+    air = light.horizon[1] * (1 - passed)
+    sunny, shaded = (
+        signal[there, 1] / (ROAD * light.white(UP, each)[1] * passed + air) for each in (True, False)
+    )
+    return sunny, shaded
 
 
 def _exposure(scene: CameraScene, signal: npt.NDArray[np.float32], light: Illumination) -> float:
     """The exposure in 1/(kcd/m^2): that by which the brightest fifth of the road is in the sun or in the
     shade, whichever is nearer to the exposure of usual scenes."""
-    usual = light.usual_exposure(signal)
-    road = _road(scene, signal, 0, FAR_M)
-    if len(road) < LEAST_PIXELS or light.is_dark or light.is_wet:
+    usual, road = light.usual_exposure(signal), _road(scene, signal, light, 0, FAR_M)
+    if len(road[0]) < LEAST_PIXELS or light.is_dark or light.is_wet:
         return usual
-    bright = float(np.quantile(road, 0.8))
-    options = [bright / (ROAD * float(light.white(UP, sunny)[1])) for sunny in (True, False)]
-    return min(options, key=lambda each: abs(np.log(each / usual)))
+    options = [float(np.quantile(each, 0.8)) for each in road]
+    return min(options, key=lambda each: abs(np.log(max(each, 1e-6) / usual)))
 
 
 def _is_sunny(
     scene: CameraScene, signal: npt.NDArray[np.float32], light: Illumination, exposure: float, range_m: float
 ) -> bool:
     """Whether the road before the patch is in the sun."""
-    road = _road(scene, signal, range_m - NEAR_M, range_m + 1)
-    if len(road) < LEAST_PIXELS:
+    road = _road(scene, signal, light, range_m - NEAR_M, range_m + 1)
+    if len(road[0]) < LEAST_PIXELS:
         return True
-    sunny, shaded = (exposure * ROAD * float(light.white(UP, each)[1]) for each in (True, False))
-    return bool(np.median(road) > np.sqrt(sunny * shaded))
+    sunny, shaded = (abs(np.log(max(float(np.median(each)), 1e-6) / exposure)) for each in road)
+    return bool(sunny <= shaded)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.bag.ground_truth import GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import RecordedCamera
+from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, camera_lens
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64
@@ -77,7 +77,7 @@ class CameraSceneReader:
                 f"{reader.path} has no true boxes of road users; record the drive with a LiDAR on "
                 f"{camera.vehicle}"
             )
-        self._lens, self._truth = camera.lens(), GroundTruth(reader, topics, objects)
+        self._lens, self._truth = camera_lens(reader, camera), GroundTruth(reader, topics, objects)
         own = (self._depth, self._instances, self._names)
         self.topic_names = frozenset((*own, *self._truth.topic_names)) & reader.topics.keys()
         self._taken: dict[str, RawMessage] = {}

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import recorded_cameras
+from advpipe.pipeline.bag.recorded_cameras import cameras_of
 from advpipe.pipeline.bag.recorded_radars import recorded_radars
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.core.frame_slice import FrameSlice
@@ -105,7 +105,7 @@ class AttackedBag:
             names |= {topic for one in touched for topic in (one.scan_topic, one.points_topic)}
         if self.table(images.FILE).is_file():
             labelled = {row["topic"] for row in rows(self.table(images.FILE), ["topic"])}
-            names |= labelled & {one.topic for one in recorded_cameras(self.clean)}
+            names |= labelled & {one.image_topic for one in cameras_of(self.clean)}
         if self.has_messages:
             vehicles = {name.split("/")[1] for name in self.clean.topics if name.count("/") > 1}
             names |= {V2X_SENT.name, V2X_PACKETS.name, V2X_STATIONS.name, V2X_STATISTICS.name}

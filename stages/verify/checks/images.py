@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import recorded_cameras
+from advpipe.pipeline.bag.recorded_cameras import cameras_of
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.labels.image_quantities import IMAGE_QUANTITIES, ImageChange
 from advpipe.pipeline.labels.images import DELAYED, DROPPED, EDGES, FILE, PAINTED, REPLACED
@@ -68,15 +68,15 @@ class Images(BagCheck):
         labels: dict[tuple[str, int], list[LabelRow]] = defaultdict(list)
         for row in rows(path):
             labels[row["topic"], row["image"]].append(row)
-        for camera in recorded_cameras(attacked.clean):
-            if camera.topic not in attacked.replaced:
+        for camera in cameras_of(attacked.clean):
+            if camera.image_topic not in attacked.replaced:
                 continue
             truth = PaintedObjects(attacked.clean, camera)
-            for pair in _pairs(attacked, camera.topic):
-                own = labels.pop((camera.topic, pair.number), [])
+            for pair in _pairs(attacked, camera.image_topic):
+                own = labels.pop((camera.image_topic, pair.number), [])
                 what = next(_faults(attacked.clean, pair, own, acts, truth), None)
                 if what is not None:
-                    yield Fault(where, f"image {pair.number} of {camera.topic} {what}")
+                    yield Fault(where, f"image {pair.number} of {camera.image_topic} {what}")
         for topic, number in list(labels)[:1]:
             yield Fault(where, f"labels image {number} of {topic}, which the bags do not hold")
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.ground_truth import GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import RecordedCamera
+from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, camera_lens
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.messages.compressed_image import StampedImage
@@ -39,7 +39,7 @@ class PaintedObjects:
         for raw in self._clean.raw_messages(wanted, stamp_ns, stamp_ns):
             self._truth.take(raw)
         try:
-            boxes, lens = self._truth.boxes(stamp_ns, base), self._camera.lens()
+            boxes, lens = self._truth.boxes(stamp_ns, base), camera_lens(self._clean, self._camera)
             camera_m = self._truth.lidar_SE3(image.frame_id, stamp_ns, base)[:3, 3]
         except AdvpipeError:
             return None

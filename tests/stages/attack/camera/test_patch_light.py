@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from camera_scenes import BOX, scene
 
@@ -36,13 +37,14 @@ def on_a_road() -> CameraScene:
     return replace(clean, range_m=away_m, tags=np.where(road, TAG["Roads"], clean.tags).astype(np.uint8))
 
 
-def lit(around: Illumination, road_kcd: float, body: float = 0.2) -> PatchLight:
+def lit(around: Illumination, road_kcd: npt.ArrayLike, body: float = 0.2) -> PatchLight:
     known = on_a_road()
     signal = np.full((480, 640, 3), 0.2, np.float32)
-    signal[known.tags == TAG["Roads"]] = road_kcd * EXPOSURE
+    signal[known.tags == TAG["Roads"]] = (np.asarray(road_kcd) * EXPOSURE)[..., None]
     signal[known.pixels_of("van")] = body
     pose = optical_SE3_patch(known, np.array(BOX), PatchSize(1.0, 0.5, 1.0))
-    return patch_light(known, signal, around, "van", pose)
+    pixels = np.flatnonzero(known.pixels_of("van"))
+    return patch_light(known, signal, around, "van", pose, pixels)
 
 
 def test_in_the_sun() -> None:
@@ -67,11 +69,15 @@ def test_the_rear_of_one_that_drives_into_the_sun_is_in_its_own_shade() -> None:
 
 def test_air_takes_contrast() -> None:
     """Koschmieder over 9.99 m at 0.05 / m: 39 % is lost, and the air's light comes for it."""
-    found = lit(light(sun_light=np.zeros(3), extinction_per_m=0.05), ROAD * SKY)
+    known = on_a_road()
+    road_m = known.range_m[known.tags == TAG["Roads"]]
+    veiled = np.exp(-0.05 * road_m)
+    found = lit(light(sun_light=np.zeros(3), extinction_per_m=0.05), ROAD * SKY * veiled + 5.0 * (1 - veiled))
     passed = np.exp(-0.05 * np.hypot(9.99, 0.5))
     assert found.white == pytest.approx(np.full(3, EXPOSURE * SKY * passed), rel=0.01)
     assert found.air == pytest.approx(np.full(3, EXPOSURE * 5.0 * (1 - passed)), rel=0.01)
 
 
 def test_in_the_dark_the_body_tells() -> None:
-    assert lit(light(is_dark=True), 1.0, body=0.06).white == pytest.approx(np.full(3, 0.06 / BODY))
+    white = lit(light(is_dark=True), 1.0, body=0.06).white
+    assert white == pytest.approx(np.full((len(white), 3), 0.06 / BODY))
