@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, cameras_of
+from advpipe.pipeline.bag.recorded_cameras import RecordedCamera as RecordedCamera
+from advpipe.pipeline.bag.recorded_cameras import cameras_of
 from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.messages.build import stamp_ns

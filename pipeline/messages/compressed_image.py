@@ -90,6 +90,15 @@ def encoded_like(rgb: UInt8, file: bytes) -> bytes:
     return written.getvalue()
 
 
+def png_file(rgb: UInt8) -> bytes:
+    """An image (H, W, 3) as a PNG file."""
+    from PIL import Image
+
+    written = io.BytesIO()
+    Image.fromarray(rgb).save(written, "PNG")
+    return written.getvalue()
+
+
 def _string(cdr: bytes, place: int) -> tuple[str, int]:
     """A string whose length stands at `place`, and where the next field of four bytes stands."""
     (length,) = struct.unpack_from("<I", cdr, place)

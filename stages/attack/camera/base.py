@@ -86,6 +86,9 @@ class CameraDrive(Protocol):
         Raises AdvpipeError in a bag without depth, instances or true boxes.
         """
 
+    def keep(self, name: str, rgb: UInt8) -> None:
+        """Leave a picture (H, W, 3) beside the bag, as VEHICLE_CAMERA_NAME.png, such as what to print."""
+
 
 ImageAttacker = Callable[[CameraImage, ImageContext], AttackedImage]
 """Changes one image; called for each attacked image of one camera in order."""

@@ -19,7 +19,7 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.images import DROPPED, FILE, IMAGE_COLUMNS
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.compressed_image import image_from_cdr, image_to_cdr
+from advpipe.pipeline.messages.compressed_image import UInt8, image_from_cdr, image_to_cdr, png_file
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.camera.base import CameraImage
 from advpipe.stages.attack.camera.drive import RecordedDrive, SceneTaker
@@ -58,9 +58,14 @@ class CameraChange:
     """A `Change` of the victims' camera images."""
 
     def __init__(
-        self, reader: BagReader, cameras: Mapping[str, _AttackedCamera], recording: RecordedTimes
+        self,
+        reader: BagReader,
+        cameras: Mapping[str, _AttackedCamera],
+        recording: RecordedTimes,
+        kept: Mapping[str, UInt8],
     ) -> None:
         self._reader, self._cameras, self._end_ns = reader, cameras, recording.end_ns
+        self._kept = kept
         self.topics = frozenset(cameras)
         self._labels = LabelSpool(IMAGE_COLUMNS)
 
@@ -86,8 +91,10 @@ class CameraChange:
                 self._labels.add([{**held.about, **row}])
 
     def write_labels(self, folder: Path) -> None:
-        """Write camera_labels.parquet; see `labels.images`."""
+        """Write camera_labels.parquet, see `labels.images`, and the pictures that attacks keep."""
         self._labels.copy_to(folder / FILE)
+        for name, rgb in self._kept.items():
+            (folder / name).write_bytes(png_file(rgb))
 
     def counts(self) -> Counter[str]:
         """How many images the attacks dropped, delayed, replaced and painted on."""
@@ -146,16 +153,16 @@ def attack_cameras(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) 
     for spec in attacks:
         for one in attacked_cameras(str(reader.path), spec, cameras):
             by_camera.setdefault(one.image_topic, []).append(spec)
-    attacked = {}
+    attacked, kept = {}, dict[str, UInt8]()
     for camera in cameras:
         if camera.image_topic in by_camera:
-            drive_of = partial(RecordedDrive, reader, camera, SceneLight(reader))
+            drive_of = partial(RecordedDrive, reader, camera, SceneLight(reader), kept)
             specs = by_camera[camera.image_topic]
             schedule = ImageAttackSchedule(specs, drive_of, camera.image_topic, recording, seed)
             attacked[camera.image_topic] = _AttackedCamera(
                 SceneTaker(reader, camera, schedule.needs_scene), schedule
             )
-    return CameraChange(reader, attacked, recording)
+    return CameraChange(reader, attacked, recording, kept)
 
 
 def attacked_cameras(bag: str, spec: AttackSpec, cameras: Sequence[RecordedCamera]) -> list[RecordedCamera]:

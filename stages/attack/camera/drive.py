@@ -11,7 +11,7 @@ from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, camera_lens
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.messages.compressed_image import image_from_cdr
+from advpipe.pipeline.messages.compressed_image import UInt8, image_from_cdr
 from advpipe.pipeline.scenario.acting import Acting
 from advpipe.pipeline.sensors.camera.lens import Lens
 from advpipe.stages.attack.camera.base import CameraImage
@@ -21,12 +21,17 @@ from advpipe.stages.attack.camera.scene_light import SceneLight
 
 @dataclass(frozen=True)
 class RecordedDrive:
-    """A `CameraDrive` of a bag. acts: when the attack acts."""
+    """A `CameraDrive` of a bag. kept: pictures to leave beside the bag, by file name. acts: when the attack
+    acts."""
 
     reader: BagReader
     camera: RecordedCamera
     light: SceneLight
+    kept: dict[str, UInt8]
     acts: Acting
+
+    def keep(self, name: str, rgb: UInt8) -> None:
+        self.kept[f"{self.camera.vehicle}_{self.camera.name}_{name}.png"] = rgb
 
     def lens(self) -> Lens:
         return camera_lens(self.reader, self.camera)

@@ -30,7 +30,7 @@ from advpipe.stages.attack.camera.base import (
 )
 from advpipe.stages.attack.camera.patch_light import patch_light
 from advpipe.stages.attack.camera.patch_place import PatchSize, candidates, optical_SE3_patch
-from advpipe.stages.attack.camera.patch_print import PatchImage
+from advpipe.stages.attack.camera.patch_print import PatchImage, printed
 from advpipe.stages.attack.camera.patch_view import patch_view
 from advpipe.stages.attack.camera.scene import CameraScene
 from advpipe.stages.attack.camera.scene_light import SceneLight
@@ -51,7 +51,8 @@ class CameraPatch(CameraAttack):
 
     The patch is a rectangle on the rear plane of the vehicle's true box, seen through the camera's lens,
     behind what hides it, in the light and the air of the scene. One texture is sought for all images of the
-    schedule, with expectation over small errors of print, place and exposure (Athalye et al., ICML 2018).
+    schedule, with expectation over small errors of print, place and exposure (Athalye et al., ICML 2018); it
+    lies beside the bag as a PNG file.
 
     target: id of the vehicle; without one, the nearest whose rear the first attacked images show.
     width_m, height_m: of the print. center_m: height of its middle above the road. texel_m: side of one of
@@ -109,6 +110,7 @@ class CameraPatch(CameraAttack):
         """Draws for the texture and its search, and for how prints are displaced."""
         target = self._vehicle(drive)
         texture = self._texture(rng, drive, target)
+        drive.keep("patch", printed(texture, self.texels))
 
         def paint(image: CameraImage, context: ImageContext) -> AttackedImage:
             scene, rgb = context.scene(), image.rgb()

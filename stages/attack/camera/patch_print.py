@@ -25,6 +25,17 @@ def reflectance(texture: Float64) -> Float64:
     return printed
 
 
+TEXEL_PX = 16
+"""Side of a square of the texture in the file to print."""
+
+
+def printed(texture: Float64, texels: tuple[int, int]) -> UInt8:
+    """The file to print of a texture (h w, 3) of `texels` (rows, columns)."""
+    levels = np.rint(255 * texture).astype(np.uint8).reshape(*texels, 3)
+    enlarged: UInt8 = levels.repeat(TEXEL_PX, axis=0).repeat(TEXEL_PX, axis=1)
+    return enlarged
+
+
 @dataclass(frozen=True)
 class PatchImage:
     """A patch in one image. view: of it. light: on it. signal: (P, 3) float32, of the image's pixels there

@@ -160,6 +160,8 @@ def test_a_patch_changes_its_rectangle_alone(camera_drive: Path) -> None:
         assert np.quantile(apart, 0.999) <= 10  # a JPEG of a JPEG
         assert row["target"]
         assert 12 <= row["pixels"] <= inside.size
+    print_px = pixels_of((camera_drive / "patch" / "ego_front_patch.png").read_bytes())
+    assert print_px.shape == (14 * 16, 24 * 16, 3)  # 0.7 m by 1.2 m in squares of 0.05 m
 
 
 def test_the_bags_verify(camera_drive: Path) -> None:
