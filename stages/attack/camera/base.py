@@ -139,6 +139,11 @@ class CameraAttack(Attack):
         `advpipe.pipeline.labels.image_quantities`; empty if it bounds none."""
         return {}
 
+    @property
+    def image_detectors(self) -> tuple[str, ...]:
+        """The names of the image detectors that it attacks; their checksums go into the bag's record."""
+        return ()
+
     @abstractmethod
     def begin(self, rng: np.random.Generator, drive: CameraDrive) -> ImageAttacker:
         """Start the attack on one camera; all random draws come from `rng`."""

@@ -96,6 +96,10 @@ class CameraPatch(CameraAttack):
         return none | {PAINT_EXTENT.name: (0.0, math.hypot(self.width_m, self.height_m))}
 
     @property
+    def image_detectors(self) -> tuple[str, ...]:
+        return () if self.pattern == "random" else (self.image_detector,)
+
+    @property
     def size(self) -> PatchSize:
         """Of the print."""
         return PatchSize(self.width_m, self.height_m, self.center_m)

@@ -56,3 +56,10 @@ class Blind:
 
     def detect(self, image: npt.NDArray[np.uint8]) -> ImageDetections:
         raise NotImplementedError
+
+
+class Broken(RedDetector):
+    """A detector with a mistake."""
+
+    def objectness(self, image: Tensor, boxes_px: Tensor, labels: Tensor) -> Tensor:
+        return image / (1 // 0)

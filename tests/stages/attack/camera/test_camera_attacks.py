@@ -360,7 +360,10 @@ def test_two_attacks_act_one_after_the_other(camera_drive: Path, tmp_path: Path)
         ({"type": "camera-drop", "victim": "bus"}, "bus has no camera in"),
         ({"type": "camera-drop", "recipe": "best"}, "camera-drop has no use for recipe"),
         ({"type": "camera-drop", "schedule": {"from_s": 50}}, "begins at 50 s, but the recording ends"),
-        ({"type": "camera-patch"}, "has no /ego/rear/depth/compressed; record the camera with"),
+        (
+            {"type": "camera-patch", "parameters": {"pattern": "random"}},
+            "has no /ego/rear/depth/compressed; record the camera with",
+        ),
         (
             {
                 "type": "camera-patch",
@@ -378,6 +381,13 @@ def test_two_attacks_act_one_after_the_other(camera_drive: Path, tmp_path: Path)
                 "parameters": {"camera": "front", "image_detector": "red_detector:Blind"},
             },
             "has no objectness",
+        ),
+        (
+            {
+                "type": "camera-patch",
+                "parameters": {"camera": "front", "image_detector": "red_detector:Broken"},
+            },
+            "red_detector:Broken failed: ZeroDivisionError: integer division or modulo by zero (red_detector.py, line",
         ),
         (
             {"type": f"{__name__}:Mirror", "parameters": {"limit": 0.5}},
