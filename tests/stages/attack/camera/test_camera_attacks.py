@@ -387,7 +387,7 @@ def test_two_attacks_act_one_after_the_other(camera_drive: Path, tmp_path: Path)
                 "type": "camera-patch",
                 "parameters": {"camera": "front", "image_detector": "red_detector:Broken"},
             },
-            "red_detector:Broken failed: ZeroDivisionError: integer division or modulo by zero (red_detector.py, line",
+            "red_detector:Broken failed: ZeroDivisionError: integer division or modulo by zero (red_",
         ),
         (
             {"type": f"{__name__}:Mirror", "parameters": {"limit": 0.5}},
