@@ -41,6 +41,7 @@ class AttackedBag:
         families = {attack.family for attack in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
+        self.has_v2x = bool(families & {"v2x", "gnss"})  # messages carry what the receiver says
 
     @cached_property
     def on_messages(self) -> tuple[MessageAttack, ...]:
@@ -106,7 +107,7 @@ class AttackedBag:
         if self.table(images.FILE).is_file():
             labelled = {row["topic"] for row in rows(self.table(images.FILE), ["topic"])}
             names |= labelled & {one.image_topic for one in cameras_of(self.clean)}
-        if self.has_messages:
+        if self.has_v2x:
             vehicles = {name.split("/")[1] for name in self.clean.topics if name.count("/") > 1}
             names |= {V2X_SENT.name, V2X_PACKETS.name, V2X_STATIONS.name, V2X_STATISTICS.name}
             for own in map(VehicleTopics, vehicles):
