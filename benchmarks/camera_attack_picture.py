@@ -1,6 +1,6 @@
 """Draws the same moment of a camera clean, with a patch, and blinded, side by side.
 
-    python benchmarks/camera_attack_picture.py DATASET IMAGE PICTURE [--bags patch random blind] [--camera front]
+    python benchmarks/camera_attack_picture.py DATASET IMAGE PICTURE [--bags BAG ...] [--camera front]
 
 docs/images/camera-attacks.jpg is of these commands:
 

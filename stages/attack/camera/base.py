@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -76,6 +76,10 @@ class CameraDrive(Protocol):
     def light(self) -> SceneLight:
         """The light of the scenes, from the scenario in the bag."""
 
+    @property
+    def plan(self) -> Any:
+        """What `CameraAttack.plan` made for all cameras of the attack."""
+
     def lens(self) -> Lens:
         """Its projection. Raises AdvpipeError for a bag that does not tell it."""
 
@@ -87,7 +91,7 @@ class CameraDrive(Protocol):
         """
 
     def keep(self, name: str, rgb: UInt8) -> None:
-        """Leave a picture (H, W, 3) beside the bag, as VEHICLE_CAMERA_NAME.png, such as what to print."""
+        """Leave a picture (H, W, 3) beside the bag, as camera_NAME.png, such as what to print."""
 
 
 ImageAttacker = Callable[[CameraImage, ImageContext], AttackedImage]
@@ -143,6 +147,10 @@ class CameraAttack(Attack):
     def image_detectors(self) -> tuple[str, ...]:
         """The names of the image detectors that it attacks; their checksums go into the bag's record."""
         return ()
+
+    def plan(self, rng: np.random.Generator, drives: Sequence[CameraDrive]) -> Any:
+        """What all cameras of the attack share, such as a print: made once, in `drive.plan` later."""
+        return None
 
     @abstractmethod
     def begin(self, rng: np.random.Generator, drive: CameraDrive) -> ImageAttacker:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 
@@ -20,9 +19,11 @@ from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.images import DROPPED, FILE, IMAGE_COLUMNS
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.compressed_image import UInt8, image_from_cdr, image_to_cdr, png_file
+from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.camera.base import CameraImage
 from advpipe.stages.attack.camera.drive import RecordedDrive, SceneTaker
+from advpipe.stages.attack.camera.planned import PlannedAttack
 from advpipe.stages.attack.camera.registry import CAMERA_ATTACKS
 from advpipe.stages.attack.camera.scene_light import SceneLight
 from advpipe.stages.attack.camera.schedule import ImageAttackSchedule, Row, TouchedImage, delayed_row
@@ -149,19 +150,24 @@ def attack_cameras(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) 
     parameters, and for a schedule that begins after the recording.
     """
     recording, cameras = recording_of(reader), cameras_of(reader)
-    by_camera: dict[str, list[AttackSpec]] = {}
+    light, kept = SceneLight(reader), dict[str, UInt8]()
+    by_camera: dict[RecordedCamera, list[PlannedAttack]] = {}
     for spec in attacks:
-        for one in attacked_cameras(str(reader.path), spec, cameras):
-            by_camera.setdefault(one.image_topic, []).append(spec)
-    attacked, kept = {}, dict[str, UInt8]()
+        own = attacked_cameras(str(reader.path), spec, cameras)
+        recording.refuse_outside(spec)
+        attack_class = CAMERA_ATTACKS.find(spec.type)
+        attack = attack_class(**resolved_parameters(spec, attack_class))
+        acts = acting_on_messages(spec, recording.start_ns, seed)
+        drives = {each.image_topic: RecordedDrive(reader, each, light, kept, acts) for each in own}
+        planned = PlannedAttack(spec, attack, acts, drives, seed)
+        for each in own:
+            by_camera.setdefault(each, []).append(planned)
+    attacked = {}
     for camera in cameras:
-        if camera.image_topic in by_camera:
-            drive_of = partial(RecordedDrive, reader, camera, SceneLight(reader), kept)
-            specs = by_camera[camera.image_topic]
-            schedule = ImageAttackSchedule(specs, drive_of, camera.image_topic, recording, seed)
-            attacked[camera.image_topic] = _AttackedCamera(
-                SceneTaker(reader, camera, schedule.needs_scene), schedule
-            )
+        if camera in by_camera:
+            schedule = ImageAttackSchedule(by_camera[camera], camera.image_topic)
+            scenes = SceneTaker(reader, camera, schedule.needs_scene)
+            attacked[camera.image_topic] = _AttackedCamera(scenes, schedule)
     return CameraChange(reader, attacked, recording, kept)
 
 

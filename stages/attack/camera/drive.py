@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
+from typing import Any
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, camera_lens
@@ -22,16 +24,17 @@ from advpipe.stages.attack.camera.scene_light import SceneLight
 @dataclass(frozen=True)
 class RecordedDrive:
     """A `CameraDrive` of a bag. kept: pictures to leave beside the bag, by file name. acts: when the attack
-    acts."""
+    acts. plan: see `CameraAttack.plan`."""
 
     reader: BagReader
     camera: RecordedCamera
     light: SceneLight
     kept: dict[str, UInt8]
     acts: Acting
+    plan: Any = None
 
     def keep(self, name: str, rgb: UInt8) -> None:
-        self.kept[f"{self.camera.vehicle}_{self.camera.name}_{name}.png"] = rgb
+        self.kept[f"camera_{re.sub(r'[^A-Za-z0-9_.-]', '_', name)}.png"] = rgb
 
     def lens(self) -> Lens:
         return camera_lens(self.reader, self.camera)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,8 +51,8 @@ class CameraPatch(CameraAttack):
 
     The patch is a rectangle on the rear plane of the vehicle's true box, seen through the camera's lens,
     behind what hides it, in the light and the air of the scene. One texture is sought for all images of the
-    schedule, with expectation over small errors of print, place and exposure (Athalye et al., ICML 2018); it
-    lies beside the bag as a PNG file.
+    schedule and all attacked cameras, with expectation over small errors of print, place and exposure
+    (Athalye et al., ICML 2018). It lies beside the bag as a PNG file.
 
     target: id of the vehicle; without one, the nearest whose rear the first attacked images show.
     width_m, height_m: of the print. center_m: height of its middle above the road. texel_m: side of one of
@@ -110,11 +110,16 @@ class CameraPatch(CameraAttack):
         rows, columns = (max(round(each / self.texel_m), 1) for each in (self.height_m, self.width_m))
         return rows, columns
 
+    def plan(self, rng: np.random.Generator, drives: Sequence[CameraDrive]) -> tuple[str, Float64]:
+        """The vehicle and the texture (h w, 3); draws for this and its search."""
+        target = self._vehicle(drives)
+        texture = self._texture(rng, drives, target)
+        drives[0].keep(f"patch_{target}", printed(texture, self.texels))
+        return target, texture
+
     def begin(self, rng: np.random.Generator, drive: CameraDrive) -> ImageAttacker:
-        """Draws for the texture and its search, and for how prints are displaced."""
-        target = self._vehicle(drive)
-        texture = self._texture(rng, drive, target)
-        drive.keep("patch", printed(texture, self.texels))
+        """No draws."""
+        target, texture = drive.plan
 
         def paint(image: CameraImage, context: ImageContext) -> AttackedImage:
             scene, rgb = context.scene(), image.rgb()
@@ -126,17 +131,20 @@ class CameraPatch(CameraAttack):
 
         return paint
 
-    def _vehicle(self, drive: CameraDrive) -> str:
-        """The target, or the nearest vehicle, in the first scheduled image that shows the rear of one."""
-        for image, scene in drive.scheduled():
-            known = scene()
-            for name in candidates(known, self.size):
-                patch = self._in_image(image, known, drive.light, name)
-                is_seen = patch is not None and len(patch.view.pixels) >= LEAST_PIXELS
-                if is_seen and self.target in ("", name):
-                    return name
+    def _vehicle(self, drives: Sequence[CameraDrive]) -> str:
+        """The target, or the nearest vehicle, in the first scheduled image that shows the rear of one; of the
+        first camera that shows any."""
+        for drive in drives:
+            for image, scene in drive.scheduled():
+                known = scene()
+                for name in candidates(known, self.size):
+                    patch = self._in_image(image, known, drive.light, name)
+                    is_seen = patch is not None and len(patch.view.pixels) >= LEAST_PIXELS
+                    if is_seen and self.target in ("", name):
+                        return name
+        topics = ", ".join(drive.camera.image_topic for drive in drives)
         raise UsageError(
-            f"camera-patch: no image of {drive.camera.image_topic} in the schedule shows the rear of "
+            f"camera-patch: no image of {topics} in the schedule shows the rear of "
             f"{self.target or 'a vehicle'}; choose another target, schedule or camera"
         )
 
@@ -162,7 +170,7 @@ class CameraPatch(CameraAttack):
         lit = patch_light(scene, signal, around, target, pose, view.pixels)
         return PatchImage(view, lit, signal.reshape(-1, 3)[view.pixels])
 
-    def _texture(self, rng: np.random.Generator, drive: CameraDrive, target: str) -> Float64:
+    def _texture(self, rng: np.random.Generator, drives: Sequence[CameraDrive], target: str) -> Float64:
         from advpipe.pipeline.detector.threads import fixed_torch_threads
         from advpipe.pipeline.image_detector.registry import differentiable_image_detector
         from advpipe.stages.attack.camera.patch_search import (
@@ -177,14 +185,15 @@ class CameraPatch(CameraAttack):
             return random_texture(rng, self.texels)
         detector = differentiable_image_detector(self.image_detector)
         found = []
-        for image, scene in self._chosen(drive):
-            label = _label_of(scene, target, detector.classes, self.image_detector)
-            views = self._displaced(rng, image, scene, drive.light, target)
-            if views:
-                found.append(PatchExample(image.rgb(), views, _box_px(scene, target), label))
+        for drive in drives:
+            for image, scene in self._chosen(drive):
+                label = _label_of(scene, target, detector.classes, self.image_detector)
+                views = self._displaced(rng, image, scene, drive.light, target)
+                if views:
+                    found.append(PatchExample(image.rgb(), views, _box_px(scene, target), label))
         if not found:
             raise UsageError(
-                f"camera-patch: none of the {self.images} images that it looks at shows the rear of "
+                f"camera-patch: none of the images that the search looks at shows the rear of "
                 f"{target}; raise images"
             )
         examples = PatchExamples(found, detector)

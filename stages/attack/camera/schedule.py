@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.labels.image_quantities import IMAGE_QUANTITIES, ImageChange
 from advpipe.pipeline.labels.images import DELAYED, DROPPED, EDGES, PAINTED, REPLACED
-from advpipe.pipeline.labels.quantity import Range, excesses
+from advpipe.pipeline.labels.quantity import excesses
 from advpipe.pipeline.messages.compressed_image import pixels_of
-from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
-from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.camera.base import (
     AttackedImage,
-    CameraAttack,
-    CameraDrive,
     CameraImage,
     ImageAttacker,
     ImageContext,
 )
-from advpipe.stages.attack.camera.registry import CAMERA_ATTACKS
+from advpipe.stages.attack.camera.planned import PlannedAttack
 from advpipe.stages.attack.camera.scene import CameraScene
-from advpipe.stages.attack.parameters import resolved_parameters
-from advpipe.stages.attack.recording import RecordedTimes
 
 Row = dict[str, object]
 
@@ -35,11 +26,7 @@ Row = dict[str, object]
 class _ScheduledImageAttack:
     """One attack, the start of its current span of attacked images, and the last image that left it."""
 
-    spec: AttackSpec
-    attack: CameraAttack
-    bounds: Mapping[str, Range]
-    rng: np.random.Generator
-    is_active: Acting
+    planned: PlannedAttack
     begin_ns: int | None = None
     previous: CameraImage | None = None
     attacker: ImageAttacker | None = None
@@ -59,30 +46,12 @@ class TouchedImage:
 class ImageAttackSchedule:
     """All attacks on one camera, in the order of the request; call `of` for each of its images in order.
 
-    drive_of: the camera over its drive, from the times at which an attack acts. needs_scene: whether one of
-    the attacks asks for scenes. Raises AdvpipeError for a bad parameter and for a schedule that begins after
-    the recording.
+    topic: of the images.
     """
 
-    def __init__(
-        self,
-        specs: Sequence[AttackSpec],
-        drive_of: Callable[[Acting], CameraDrive],
-        topic: str,
-        recording: RecordedTimes,
-        seed: int,
-    ) -> None:
-        self._attacks: list[_ScheduledImageAttack] = []
-        self._drive_of = drive_of
-        self.needs_scene = False
-        for spec in specs:
-            recording.refuse_outside(spec)
-            attack_class = CAMERA_ATTACKS.find(spec.type)
-            attack = attack_class(**resolved_parameters(spec, attack_class))
-            self.needs_scene |= attack.traits.needs_scene
-            rng = named_generator(seed, "attack", spec.type, spec.seed_name, topic)
-            acts = acting_on_messages(spec, recording.start_ns, seed)
-            self._attacks.append(_ScheduledImageAttack(spec, attack, attack.bounds, rng, acts))
+    def __init__(self, attacks: Sequence[PlannedAttack], topic: str) -> None:
+        self._attacks, self._topic = list(map(_ScheduledImageAttack, attacks)), topic
+        self.needs_scene = any(each.attack.traits.needs_scene for each in attacks)
 
     def of(self, time_ns: int, image: CameraImage, scene: Callable[[], CameraScene]) -> TouchedImage:
         """What the attacks make of a clean image.
@@ -94,22 +63,20 @@ class ImageAttackSchedule:
             given = touched.image
             if given is None:
                 break
-            if not one.is_active(time_ns):
+            if not one.planned.is_active(time_ns):
                 one.begin_ns, one.previous = None, given
                 continue
             one.begin_ns = time_ns if one.begin_ns is None else one.begin_ns
             if one.attacker is None:
-                one.attacker = one.attack.begin(one.rng, self._drive_of(one.is_active))
+                one.attacker = one.planned.begin(self._topic)
             context = ImageContext((time_ns - one.begin_ns) / 1e9, one.previous, scene)
             result = one.attacker(given, context)
-            _take(touched, one, given, result)
+            _take(touched, one.planned, given, result)
             one.previous = result.image or one.previous
         return touched
 
 
-def _take(
-    touched: TouchedImage, one: _ScheduledImageAttack, given: CameraImage, result: AttackedImage
-) -> None:
+def _take(touched: TouchedImage, one: PlannedAttack, given: CameraImage, result: AttackedImage) -> None:
     """What one attack made of an image. Raises AdvpipeError beyond its bounds."""
     name = one.spec.type
     change = _change(given, result)

@@ -27,7 +27,14 @@ sensors:
       image_size_x: 320
       image_size_y: 180
       images: [rgb, depth, instance_segmentation]
-    rear: {preset: fisheye, yaw_deg: 180, x_m: -2.2, image_size_x: 160, image_size_y: 120, sensor_tick: 0.2}
+    rear:
+      preset: fisheye
+      yaw_deg: 180
+      x_m: -2.2
+      image_size_x: 160
+      image_size_y: 120
+      sensor_tick: 0.2
+      images: [rgb, depth, instance_segmentation]
 """
 FROM_S, TO_S = 0.4, 0.9
 

@@ -160,7 +160,7 @@ def test_a_patch_changes_its_rectangle_alone(camera_drive: Path) -> None:
         assert np.quantile(apart, 0.999) <= 10  # a JPEG of a JPEG
         assert row["target"]
         assert 12 <= row["pixels"] <= inside.size
-    print_px = pixels_of((camera_drive / "patch" / "ego_front_patch.png").read_bytes())
+    print_px = pixels_of((camera_drive / "patch" / f"camera_patch_{rows[4]['target']}.png").read_bytes())
     assert print_px.shape == (14 * 16, 24 * 16, 3)  # 0.7 m by 1.2 m in squares of 0.05 m
 
 
@@ -361,10 +361,6 @@ def test_two_attacks_act_one_after_the_other(camera_drive: Path, tmp_path: Path)
         ({"type": "camera-drop", "recipe": "best"}, "camera-drop has no use for recipe"),
         ({"type": "camera-drop", "schedule": {"from_s": 50}}, "begins at 50 s, but the recording ends"),
         (
-            {"type": "camera-patch", "parameters": {"pattern": "random"}},
-            "has no /ego/rear/depth/compressed; record the camera with",
-        ),
-        (
             {
                 "type": "camera-patch",
                 "parameters": {"camera": "front", "pattern": "random", "target": "nobody"},
@@ -401,6 +397,26 @@ def test_mistakes_are_one_line(keys: dict[str, Any], what: str, camera_drive: Pa
     assert what in str(error.value)
     assert "\n" not in str(error.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_patch_needs_depth(camera_drive: Path, tmp_path: Path) -> None:
+    reader = BagReader(camera_drive / "clean")
+    kept = [name for name in reader.topics if name != "/ego/rear/depth/compressed"]
+    with BagWriter(tmp_path / "clean", provenance=dict(reader.provenance)) as writer:
+        for raw in reader.raw_messages(kept):
+            writer.copy(raw)
+    spec = AttackSpec(type="camera-patch", parameters={"pattern": "random"})
+    with pytest.raises(UsageError, match=r"has no /ego/rear/depth/compressed; record the camera with"):
+        attack(tmp_path / "clean", tmp_path / "out", AttackRequest((spec,)))
+
+
+def test_all_cameras_see_one_print(camera_drive: Path, tmp_path: Path) -> None:
+    """Of the vehicle ahead, which the rear camera does not show."""
+    spec = AttackSpec(type="camera-patch", parameters={"pattern": "random"})
+    attack(camera_drive / "clean", tmp_path / "both", AttackRequest((spec,)))
+    assert len(list((tmp_path / "both").glob("camera_patch_*.png"))) == 1
+    assert {row["topic"] for row in labels(tmp_path / "both")} == {FRONT}
+    assert all(map(same, images(tmp_path / "both", REAR), images(camera_drive / "clean", REAR)))
 
 
 def test_a_bag_without_cameras_is_refused(clean_bag: Path, tmp_path: Path) -> None:
