@@ -98,7 +98,7 @@ class ImageNet(nn.Module):
             merged = self.merge[level](self.lateral[level](levels[level]) + wider)
         rows, columns = -(-height // STRIDE), -(-width // STRIDE)  # cells of the padding see nothing
         logits, edges = self.score(merged)[..., :rows, :columns], self.edges(merged)[..., :rows, :columns]
-        return Cells(logits.float(), cell_boxes_px(edges.float(), height, width))
+        return Cells(_whole(logits), cell_boxes_px(_whole(edges), height, width))
 
 
 def cell_centres_px(rows: int, columns: int) -> tuple[Tensor, Tensor]:
@@ -138,6 +138,11 @@ def _conv(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, 3, stride, padding=1, bias=False), nn.BatchNorm2d(outputs), nn.ReLU()
     )
+
+
+def _whole(values: Tensor) -> Tensor:
+    """In single precision at least: what half precision says of boxes is too coarse."""
+    return values.float() if values.dtype == torch.bfloat16 else values
 
 
 def _branch(width: int, outputs: int) -> nn.Sequential:

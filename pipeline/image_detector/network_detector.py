@@ -45,7 +45,7 @@ class NetworkImageDetector:
 
     def detect(self, image: npt.NDArray[np.uint8]) -> ImageDetections:
         """The objects in an RGB image (H, W, 3), with scores of 0.05 or more."""
-        pixels = torch.from_numpy(np.ascontiguousarray(image)).permute(2, 0, 1).float() / 255
+        pixels = torch.from_numpy(image.transpose(2, 0, 1).astype(np.float32) / 255)
         with torch.no_grad(), fixed_torch_threads():
             cells = self._cells(pixels)
             return decode(cells, LEAST_SCORE)
