@@ -1,4 +1,4 @@
-"""An adversarial patch: a print on a vehicle's rear, by which a detector does not see the vehicle."""
+"""An adversarial patch: a print that hides the vehicle that it is on, or makes a sign look like a person."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from advpipe.stages.attack.camera.base import (
     ImageContext,
 )
 from advpipe.stages.attack.camera.patch_light import patch_light
-from advpipe.stages.attack.camera.patch_place import PatchSize, candidates, optical_SE3_patch
+from advpipe.stages.attack.camera.patch_place import Carrier, PatchSize, vehicles_ahead
 from advpipe.stages.attack.camera.patch_print import PatchImage, printed
 from advpipe.stages.attack.camera.patch_view import patch_view
 from advpipe.stages.attack.camera.scene import CameraScene
@@ -37,11 +37,22 @@ from advpipe.stages.attack.camera.scene_light import SceneLight
 
 PATTERNS = ("adversarial", "random", "random-best")
 
+VEHICLE, SIGN = SURFACES = ("vehicle", "sign")
+
 LEAST_PIXELS = 12
 """An image that shows less of the patch stays as it is."""
 
 VIEWS, OFF_M, LARGER = 3, 0.02, 0.04
 """Displaced views of each image that the search looks at, and deviations of their place and size."""
+
+
+@dataclass(frozen=True)
+class _Print:
+    """What all cameras see. texture: (h w, 3) of `texels` (rows, columns)."""
+
+    carrier: Carrier
+    texels: tuple[int, int]
+    texture: Float64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +65,12 @@ class CameraPatch(CameraAttack):
     schedule and all attacked cameras, with expectation over small errors of print, place and exposure
     (Athalye et al., ICML 2018). It lies beside the bag as a PNG file.
 
-    target: id of the vehicle; without one, the nearest whose rear the first attacked images show.
-    width_m, height_m: of the print. center_m: height of its middle above the road. texel_m: side of one of
-    its squares. pattern: adversarial, random (every square at random) or random-best (of `tries` random ones,
-    the one under which the detector sees the vehicle least). image_detector: the attacked one, a name, a
+    surface: vehicle, or sign: the largest road sign in the first image with one, on which the patch makes
+    the detector see a road user where none is. target: id of the vehicle; without one, the nearest whose rear
+    the first attacked images show. shown: the class to be seen on a sign. width_m, height_m: of the print;
+    it is smaller on a smaller sign. center_m: height of its middle above the road, on a vehicle. texel_m:
+    side of one of its squares. pattern: adversarial, random (every square at random) or random-best (of
+    `tries` random ones, the one that comes nearest to the aim). image_detector: the attacked one, a name, a
     checkpoint or module:Class. steps: of the search. images: as many of the schedule as it looks at. tries:
     random patches of random-best. learning_rate: of the search (Adam). camera: the name of the attacked one;
     all of the victim without a name.
@@ -65,7 +78,9 @@ class CameraPatch(CameraAttack):
 
     traits = CameraTraits(needs_scene=True)
 
+    surface: str = VEHICLE
     target: str = ""
+    shown: str = "pedestrian"
     width_m: float = 1.2
     height_m: float = 0.7
     center_m: float = 0.85
@@ -80,6 +95,8 @@ class CameraPatch(CameraAttack):
 
     def __post_init__(self) -> None:
         name = "camera-patch"
+        checked_choice(name, "surface", self.surface, SURFACES)
+        checked_choice(name, "shown", self.shown, CLASSES)
         checked_number(name, "width_m", self.width_m, 0.05, 5)
         checked_number(name, "height_m", self.height_m, 0.05, 5)
         checked_number(name, "center_m", self.center_m, 0, 5)
@@ -89,6 +106,8 @@ class CameraPatch(CameraAttack):
         checked_integer(name, "images", self.images, 1, 1000)
         checked_integer(name, "tries", self.tries, 1, 10_000)
         checked_number(name, "learning_rate", self.learning_rate, 1e-5, 10)
+        if self.surface == SIGN and self.target:
+            raise UsageError(f"{name}: target is of a vehicle; leave it out, or make surface {VEHICLE}")
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -99,78 +118,59 @@ class CameraPatch(CameraAttack):
     def image_detectors(self) -> tuple[str, ...]:
         return () if self.pattern == "random" else (self.image_detector,)
 
-    @property
-    def size(self) -> PatchSize:
-        """Of the print."""
-        return PatchSize(self.width_m, self.height_m, self.center_m)
-
-    @property
-    def texels(self) -> tuple[int, int]:
-        """Rows and columns of the texture."""
-        rows, columns = (max(round(each / self.texel_m), 1) for each in (self.height_m, self.width_m))
-        return rows, columns
-
-    def plan(self, rng: np.random.Generator, drives: Sequence[CameraDrive]) -> tuple[str, Float64]:
-        """The vehicle and the texture (h w, 3); draws for this and its search."""
-        target = self._vehicle(drives)
-        texture = self._texture(rng, drives, target)
-        drives[0].keep(f"patch_{target}", printed(texture, self.texels))
-        return target, texture
+    def plan(self, rng: np.random.Generator, drives: Sequence[CameraDrive]) -> _Print:
+        """The print; draws for its texture and the search for it."""
+        carrier = self._carrier(drives)
+        size = carrier.size.height_m, carrier.size.width_m
+        rows, columns = (max(round(each / self.texel_m), 1) for each in size)
+        texture = self._texture(rng, drives, carrier, (rows, columns))
+        drives[0].keep(f"patch_{carrier.name or SIGN}", printed(texture, (rows, columns)))
+        return _Print(carrier, (rows, columns), texture)
 
     def begin(self, rng: np.random.Generator, drive: CameraDrive) -> ImageAttacker:
         """No draws."""
-        target, texture = drive.plan
+        found: _Print = drive.plan
 
         def paint(image: CameraImage, context: ImageContext) -> AttackedImage:
-            scene, rgb = context.scene(), image.rgb()
-            patch = self._in_image(image, scene, drive.light, target)
-            if patch is None or len(patch.view.pixels) < LEAST_PIXELS:
+            rgb = image.rgb()
+            patch = _in_image(image, context.scene(), drive.light, found.carrier, found.texels)
+            if patch is None:
                 return AttackedImage(image)
-            area = patch.area(rgb.shape[1], target)
-            return AttackedImage(image.with_rgb(patch.paint(rgb, texture)), painted=area)
+            area = patch.area(rgb.shape[1], found.carrier.name)
+            return AttackedImage(image.with_rgb(patch.paint(rgb, found.texture)), painted=area)
 
         return paint
 
-    def _vehicle(self, drives: Sequence[CameraDrive]) -> str:
-        """The target, or the nearest vehicle, in the first scheduled image that shows the rear of one; of the
-        first camera that shows any."""
+    def _carrier(self, drives: Sequence[CameraDrive]) -> Carrier:
+        """What the first scheduled image shows that a patch may be fixed to; of the first camera with one."""
+        size = PatchSize(self.width_m, self.height_m)
         for drive in drives:
             for image, scene in drive.scheduled():
-                known = scene()
-                for name in candidates(known, self.size):
-                    patch = self._in_image(image, known, drive.light, name)
-                    is_seen = patch is not None and len(patch.view.pixels) >= LEAST_PIXELS
-                    if is_seen and self.target in ("", name):
-                        return name
+                known, options = scene(), list[Carrier]()
+                if self.surface == SIGN:
+                    from advpipe.stages.attack.camera.patch_sign import signs
+
+                    options += signs(known, size)
+                else:
+                    ahead = vehicles_ahead(known, size, self.center_m)
+                    options += [each for each in ahead if self.target in ("", each.name)]
+                for each in options:
+                    if _in_image(image, known, drive.light, each, (1, 1)) is not None:
+                        return each
         topics = ", ".join(drive.camera.image_topic for drive in drives)
+        what = "a road sign" if self.surface == SIGN else f"the rear of {self.target or 'a vehicle'}"
         raise UsageError(
-            f"camera-patch: no image of {topics} in the schedule shows the rear of "
-            f"{self.target or 'a vehicle'}; choose another target, schedule or camera"
+            f"camera-patch: no image of {topics} in the schedule shows {what}; "
+            "choose another target, schedule or camera"
         )
 
-    def _in_image(
+    def _texture(
         self,
-        image: CameraImage,
-        scene: CameraScene,
-        light: SceneLight,
-        target: str,
-        offset_m: tuple[float, float] = (0.0, 0.0),
-        scale: float = 1.0,
-    ) -> PatchImage | None:
-        """The patch on its vehicle; None where the scene does not know this."""
-        box = scene.box_of(target)
-        if box is None:
-            return None
-        pose = optical_SE3_patch(scene, box, self.size)
-        view = patch_view(scene, target, pose, self.size, self.texels, offset_m, scale)
-        if view.is_empty:
-            return None
-        signal = signal_of(image.rgb())
-        around = light.at(image.stamped.stamp_ns)
-        lit = patch_light(scene, signal, around, target, pose, view.pixels)
-        return PatchImage(view, lit, signal.reshape(-1, 3)[view.pixels])
-
-    def _texture(self, rng: np.random.Generator, drives: Sequence[CameraDrive], target: str) -> Float64:
+        rng: np.random.Generator,
+        drives: Sequence[CameraDrive],
+        carrier: Carrier,
+        texels: tuple[int, int],
+    ) -> Float64:
         from advpipe.pipeline.detector.threads import fixed_torch_threads
         from advpipe.pipeline.image_detector.registry import differentiable_image_detector
         from advpipe.stages.attack.camera.patch_search import (
@@ -182,44 +182,24 @@ class CameraPatch(CameraAttack):
         )
 
         if self.pattern == "random":
-            return random_texture(rng, self.texels)
-        detector = differentiable_image_detector(self.image_detector)
-        found = []
+            return random_texture(rng, texels)
+        detector, found = differentiable_image_detector(self.image_detector), []
         for drive in drives:
             for image, scene in self._chosen(drive):
-                label = _label_of(scene, target, detector.classes, self.image_detector)
-                views = self._displaced(rng, image, scene, drive.light, target)
-                if views:
-                    found.append(PatchExample(image.rgb(), views, _box_px(scene, target), label))
+                if views := _displaced(rng, image, scene, drive.light, carrier, texels):
+                    label = self._label(scene, carrier, detector.classes)
+                    box_px = _box_px(scene, carrier, views[0])
+                    found.append(PatchExample(image.rgb(), views, box_px, label))
         if not found:
             raise UsageError(
-                f"camera-patch: none of the images that the search looks at shows the rear of "
-                f"{target}; raise images"
+                "camera-patch: none of the images that the search looks at shows what the patch is fixed to; "
+                "raise images"
             )
-        examples = PatchExamples(found, detector)
+        examples = PatchExamples(found, detector, hides=self.surface == VEHICLE)
         with fixed_torch_threads():
             if self.pattern == "random-best":
-                return best_random(examples, rng, self.texels, self.tries)
-            return optimised(examples, rng, self.texels, self.steps, self.learning_rate)
-
-    def _displaced(
-        self,
-        rng: np.random.Generator,
-        image: CameraImage,
-        scene: CameraScene,
-        light: SceneLight,
-        target: str,
-    ) -> list[PatchImage]:
-        """The patch where it is, and with small errors of its place and size; none where it is not seen."""
-        true = self._in_image(image, scene, light, target)
-        if true is None or len(true.view.pixels) < LEAST_PIXELS:
-            return []
-        views = [true]
-        for right, down, larger in rng.normal(0, (OFF_M, OFF_M, LARGER), (VIEWS - 1, 3)).tolist():
-            scale = float(np.exp(larger))
-            moved = self._in_image(image, scene, light, target, (right, down), scale)
-            views += [moved] if moved is not None else []
-        return views
+                return best_random(examples, rng, texels, self.tries)
+            return optimised(examples, rng, texels, self.steps, self.learning_rate)
 
     def _chosen(self, drive: CameraDrive) -> Iterator[tuple[CameraImage, CameraScene]]:
         """As many images of the schedule as the search looks at, evenly spread."""
@@ -229,19 +209,57 @@ class CameraPatch(CameraAttack):
             if place in places:
                 yield image, scene()
 
+    def _label(self, scene: CameraScene, carrier: Carrier, classes: tuple[str, ...]) -> int:
+        """The detector's label of the vehicle, or of what a sign shall be taken for."""
+        name, ids = self.shown, scene.boxes.ids
+        if carrier.name in ids:
+            name = CLASSES[scene.boxes.labels[ids.index(carrier.name)]]
+        if name not in classes:
+            raise UsageError(f"camera-patch: {self.image_detector} detects no {name}; it detects {classes}")
+        return classes.index(name)
 
-def _label_of(scene: CameraScene, target: str, classes: tuple[str, ...], detector: str) -> int:
-    """The detector's label of the target, a car where the scene does not know it."""
-    ids = scene.boxes.ids
-    name = CLASSES[scene.boxes.labels[ids.index(target)]] if target in ids else CLASSES[0]
-    if name not in classes:
-        raise UsageError(f"camera-patch: {detector} detects no {name}, which {target} is")
-    return classes.index(name)
+
+def _in_image(
+    image: CameraImage,
+    scene: CameraScene,
+    light: SceneLight,
+    carrier: Carrier,
+    texels: tuple[int, int],
+    offset_m: tuple[float, float] = (0.0, 0.0),
+    scale: float = 1.0,
+) -> PatchImage | None:
+    """The patch in an image; None where this shows too little of it."""
+    pose = carrier.optical_SE3_patch(scene)
+    view = patch_view(scene, carrier, texels, offset_m, scale)
+    if pose is None or len(view.pixels) < LEAST_PIXELS:
+        return None
+    signal, around = signal_of(image.rgb()), light.at(image.stamped.stamp_ns)
+    lit = patch_light(scene, signal, around, carrier.own(scene), pose, view.pixels)
+    return PatchImage(view, lit, signal.reshape(-1, 3)[view.pixels])
 
 
-def _box_px(scene: CameraScene, target: str) -> tuple[float, float, float, float]:
-    """The edges of what is visible of the target."""
-    rows, columns = np.nonzero(scene.pixels_of(target))
-    if not len(rows):
-        return (0.0, 0.0, 0.0, 0.0)
+def _displaced(
+    rng: np.random.Generator,
+    image: CameraImage,
+    scene: CameraScene,
+    light: SceneLight,
+    carrier: Carrier,
+    texels: tuple[int, int],
+) -> list[PatchImage]:
+    """The patch where it is, and with small errors of its place and size; none where it is not seen."""
+    true = _in_image(image, scene, light, carrier, texels)
+    if true is None:
+        return []
+    views = [true]
+    for right, down, larger in rng.normal(0, (OFF_M, OFF_M, LARGER), (VIEWS - 1, 3)).tolist():
+        moved = _in_image(image, scene, light, carrier, texels, (right, down), float(np.exp(larger)))
+        views += [moved] if moved is not None else []
+    return views
+
+
+def _box_px(scene: CameraScene, carrier: Carrier, patch: PatchImage) -> tuple[float, float, float, float]:
+    """The edges of what is visible of the vehicle, or of the patch on a sign."""
+    rows, columns = np.nonzero(scene.pixels_of(carrier.name))
+    if not carrier.name:
+        rows, columns = np.divmod(patch.view.pixels, scene.users.shape[1])
     return float(columns.min()), float(rows.min()), float(columns.max()), float(rows.max())

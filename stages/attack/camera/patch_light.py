@@ -44,32 +44,34 @@ def patch_light(
     scene: CameraScene,
     signal: npt.NDArray[np.float32],
     light: Illumination,
-    target: str,
+    own: npt.NDArray[np.bool_],
     optical_SE3_patch: Float64,
     pixels: npt.NDArray[np.int64],
 ) -> PatchLight:
-    """The light on the pixels (P,) of a patch in an image with this signal (H, W, 3)."""
+    """The light on the pixels (P,) of a patch in an image with this signal (H, W, 3).
+
+    own: (H, W), whether a pixel is of what the patch is fixed to.
+    """
     exposure = _exposure(scene, signal, light)
     range_m = float(np.linalg.norm(optical_SE3_patch[:3, 3]))
     passed = float(light.transmittance(np.array(range_m)))
     air = exposure * light.horizon * (1 - passed)
     if light.is_dark or light.is_wet:
-        return PatchLight(_of_body(scene, signal, target, pixels, float(air[1])), air)
+        return PatchLight(_of_body(signal, own, pixels, float(air[1])), air)
     map_R_patch = (scene.map_SE3_base @ scene.base_SE3_optical @ optical_SE3_patch)[:3, :3]
     is_sunny = _is_sunny(scene, signal, light, exposure, range_m)
     return PatchLight(exposure * passed * light.white(-map_R_patch[:, 2], is_sunny), air)
 
 
 def _of_body(
-    scene: CameraScene,
     signal: npt.NDArray[np.float32],
-    target: str,
+    own: npt.NDArray[np.bool_],
     pixels: npt.NDArray[np.int64],
     air: float,
 ) -> Float64:
     """The signal of white (P, 3), grey, by the body in the same row: low beams end at a height."""
     width = signal.shape[1]
-    own = scene.pixels_of(target).ravel()[pixels]
+    own = own.ravel()[pixels]
     row, levels = pixels // width, signal.reshape(-1, 3)[pixels, 1]
     whole = float(np.median(levels[own])) if own.any() else 0.1
     white = np.full(len(pixels), whole)

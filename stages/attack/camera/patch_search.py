@@ -1,4 +1,4 @@
-"""The search for the texture of a patch: Adam on what a detector says of the vehicle under it, over several
+"""The search for the texture of a patch: Adam on what a detector says of the object there, over several
 images and small errors of printing, mounting and exposure (expectation over transformations, Athalye et al.
 2018)."""
 
@@ -28,7 +28,7 @@ ROUGHNESS = 0.05
 @dataclass(frozen=True)
 class PatchExample:
     """One image that the search looks at. views: of the patch, each displaced a little. box_px: of the
-    vehicle under it, left, top, right, bottom; label: its class, as the detector counts."""
+    object there, left, top, right, bottom; label: its class, as the detector counts."""
 
     rgb: UInt8
     views: Sequence[PatchImage]
@@ -37,13 +37,16 @@ class PatchExample:
 
 
 class PatchExamples:
-    """Asks the detector about the vehicle in each of several images with a texture."""
+    """Asks the detector about the object in each of several images with a texture. hides: whether the object
+    shall not be detected, or else be detected where none is."""
 
-    def __init__(self, examples: Sequence[PatchExample], detector: DifferentiableImageDetector) -> None:
-        self.examples, self._detector = examples, detector
+    def __init__(
+        self, examples: Sequence[PatchExample], detector: DifferentiableImageDetector, hides: bool = True
+    ) -> None:
+        self.examples, self._detector, self._hides = examples, detector, hides
         self._curve = torch.from_numpy(curve() / 255).float()
 
-    def objectness(
+    def missed(
         self,
         texture: Tensor,
         example: PatchExample,
@@ -51,7 +54,8 @@ class PatchExamples:
         gain: float = 1.0,
         noise: Tensor | float = 0.0,
     ) -> Tensor:
-        """How surely the vehicle of an example is detected under a texture (h w, 3), a scalar.
+        """How far an attack with a texture (h w, 3) is from its aim, a scalar: how surely the object of an
+        example is detected, or is not.
 
         gain: on the exposure. noise: what is added to the levels (P, 3) of the patch, 1 being white.
         """
@@ -68,7 +72,7 @@ class PatchExamples:
             torch.tensor([example.box_px], dtype=torch.float32),
             torch.tensor([example.label]),
         )
-        return found[0]
+        return found[0] if self._hides else 1 - found[0]
 
     def painted(self, texture: Tensor, image: PatchImage) -> Tensor:
         """The signal (P, 3) of a patch's pixels, as `PatchImage.painted` computes it."""
@@ -82,12 +86,10 @@ class PatchExamples:
         return torch.from_numpy(image.signal) * (1 - cover) + mixed * white + cover * air
 
     def mean(self, texture: Float64) -> float:
-        """The mean objectness over all images, without errors."""
+        """The mean of `missed` over all images, without errors."""
         fixed = torch.from_numpy(texture).float()
         with torch.no_grad():
-            return float(
-                np.mean([float(self.objectness(fixed, each, each.views[0])) for each in self.examples])
-            )
+            return float(np.mean([float(self.missed(fixed, each, each.views[0])) for each in self.examples]))
 
 
 def random_texture(rng: np.random.Generator, texels: tuple[int, int]) -> Float64:
@@ -110,7 +112,7 @@ def optimised(
     steps: int,
     learning_rate: float,
 ) -> Float64:
-    """A texture that hides the vehicle: Adam from a random start; the best of those looked at on the way.
+    """A texture that comes near its aim: Adam from a random start; the best of those looked at on the way.
 
     Each step looks at one image, with one of its displaced views.
     """
@@ -125,7 +127,7 @@ def optimised(
         contrast = float(np.exp(rng.normal(0, CONTRAST)))
         noise = torch.from_numpy(rng.normal(0, NOISE, (len(view.view.pixels), 3))).float()
         shown = ((texture - 0.5) * contrast + 0.5).clamp(0, 1)
-        score = examples.objectness(shown, example, view, gain, noise)
+        score = examples.missed(shown, example, view, gain, noise)
         loss = torch.log(score.clamp(min=1e-6)) + ROUGHNESS * _variation(texture, texels)
         optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.stages.attack.camera.patch_place import PatchSize, corners_px, is_behind, plane_hits
+from advpipe.stages.attack.camera.patch_place import Carrier, PatchSize, corners_px, is_behind, plane_hits
 from advpipe.stages.attack.camera.scene import CameraScene
 
 Int64 = npt.NDArray[np.int64]
@@ -57,20 +57,22 @@ class PatchView:
 
 def patch_view(
     scene: CameraScene,
-    target: str,
-    optical_SE3_patch: Float64,
-    size: PatchSize,
+    carrier: Carrier,
     texels: tuple[int, int],
     offset_m: tuple[float, float] = (0.0, 0.0),
     scale: float = 1.0,
 ) -> PatchView:
-    """The view of a patch of `texels` (rows, columns) on a road user that the scene knows.
+    """The view of a patch of `texels` (rows, columns) on its carrier; nothing where the scene does not know
+    this.
 
     Rays from each pixel meet the plane of the patch, which holds for every lens. A pixel shows the patch
     unless its surface, as the depth image has it, is before that plane; as depth does, the patch shines
     through windows. offset_m, scale: by which the print is displaced (right, down) and larger than it should
     be.
     """
+    optical_SE3_patch, size = carrier.optical_SE3_patch(scene), carrier.size
+    if optical_SE3_patch is None:
+        return _empty(np.nan)
     range_m = float(np.linalg.norm(optical_SE3_patch[:3, 3]))
     pixels = _candidates(scene, optical_SE3_patch, size)
     if not len(pixels):
@@ -82,7 +84,7 @@ def patch_view(
     places = np.stack([pixels % width, pixels // width], axis=1).astype(np.float64)
     rays = scene.lens.directions((places[:, None, :] + np.stack([across, down], axis=1)[None]).reshape(-1, 2))
     where_m, hit_m = plane_hits(rays, optical_SE3_patch)
-    before = hit_m.reshape(len(pixels), -1) > _least_range(scene, target, pixels)[:, None]
+    before = hit_m.reshape(len(pixels), -1) > _least_range(scene, carrier, pixels)[:, None]
     share = (where_m - np.array(offset_m)) / (np.array([size.width_m, size.height_m]) * scale) + 0.5
     with np.errstate(invalid="ignore"):
         on = ((share >= 0) & (share < 1)).all(axis=1) & ~before.ravel()
@@ -90,9 +92,11 @@ def patch_view(
     return _view(pixels, chosen // (count * count), share[chosen], texels, count * count, range_m)
 
 
-def _least_range(scene: CameraScene, target: str, pixels: Int64) -> Float64:
+def _least_range(scene: CameraScene, carrier: Carrier, pixels: Int64) -> Float64:
     """The range (P,) beyond which a patch is hidden in each pixel."""
-    own, surface_m = scene.pixels_of(target).ravel()[pixels], scene.range_m.ravel()[pixels]
+    own, surface_m = carrier.own(scene).ravel()[pixels], scene.range_m.ravel()[pixels]
+    if carrier.is_sticker:
+        return np.where(own, np.nan_to_num(surface_m, nan=np.inf) + OUT_M, 0.0)
     hidden_m = surface_m + np.where(own, OUT_M, CLOSE_M)
     return np.where(np.isnan(surface_m), np.where(own, np.inf, KNOWN_M), hidden_m)
 

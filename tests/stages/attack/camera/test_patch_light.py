@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
-from camera_scenes import BOX, scene
+from camera_scenes import scene
 
 from advpipe.pipeline.sensors.camera.palette import TAG
 from advpipe.stages.attack.camera.patch_light import BODY, ROAD, PatchLight, patch_light
-from advpipe.stages.attack.camera.patch_place import PatchSize, optical_SE3_patch
+from advpipe.stages.attack.camera.patch_place import PatchSize, VehicleRear
 from advpipe.stages.attack.camera.scene import CameraScene
 from advpipe.stages.attack.camera.scene_light import Illumination
 
@@ -42,9 +42,10 @@ def lit(around: Illumination, road_kcd: npt.ArrayLike, body: float = 0.2) -> Pat
     signal = np.full((480, 640, 3), 0.2, np.float32)
     signal[known.tags == TAG["Roads"]] = (np.asarray(road_kcd) * EXPOSURE)[..., None]
     signal[known.pixels_of("van")] = body
-    pose = optical_SE3_patch(known, np.array(BOX), PatchSize(1.0, 0.5, 1.0))
+    pose = VehicleRear("van", PatchSize(1.0, 0.5), 1.0).optical_SE3_patch(known)
+    assert pose is not None
     pixels = np.flatnonzero(known.pixels_of("van"))
-    return patch_light(known, signal, around, "van", pose, pixels)
+    return patch_light(known, signal, around, known.pixels_of("van"), pose, pixels)
 
 
 def test_in_the_sun() -> None:

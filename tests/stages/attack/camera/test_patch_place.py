@@ -8,21 +8,22 @@ from camera_scenes import BOX, scene
 
 from advpipe.stages.attack.camera.patch_place import (
     PatchSize,
-    base_SE3_patch,
-    candidates,
+    VehicleRear,
     corners_px,
     is_behind,
-    optical_SE3_patch,
     plane_hits,
+    vehicles_ahead,
 )
 
-SIZE = PatchSize(1.0, 0.5, 1.0)
+SIZE = PatchSize(1.0, 0.5)
+REAR = VehicleRear("van", SIZE, 1.0)
 
 
 def test_the_corners_are_where_a_pinhole_sees_them() -> None:
     """0.5 m to the left and 0.25 m below the axis, 9.99 m ahead: 400 / 9.99 pixels a metre."""
     ahead = scene()
-    pose = optical_SE3_patch(ahead, np.array(BOX), SIZE)
+    pose = REAR.optical_SE3_patch(ahead)
+    assert pose is not None
     per_m = 400 / 9.99
     left, right = 319.5 - 0.5 * per_m, 319.5 + 0.5 * per_m
     top, bottom = 239.5 + 0.25 * per_m, 239.5 + 0.75 * per_m
@@ -33,8 +34,7 @@ def test_the_corners_are_where_a_pinhole_sees_them() -> None:
 
 def test_the_patch_turns_with_its_vehicle() -> None:
     """Across the way to the left: its rear is to the right of its middle, and faces right."""
-    box = np.array([12.0, 0.0, 1.0, 4.0, 2.0, 2.0, np.pi / 2])
-    pose = base_SE3_patch(box, SIZE)
+    pose = REAR.base_SE3_patch(np.array([12.0, 0.0, 1.0, 4.0, 2.0, 2.0, np.pi / 2]))
     assert pose[:3, 3] == pytest.approx([12.0, -2.01, 1.0])
     assert pose[:3, 0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)  # seen from the right, ahead is right
     assert pose[:3, 2] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
@@ -43,14 +43,17 @@ def test_the_patch_turns_with_its_vehicle() -> None:
 
 def test_a_vehicle_that_comes_shows_no_rear() -> None:
     towards = scene(box=(*BOX[:6], np.pi))
-    assert not is_behind(optical_SE3_patch(towards, towards.boxes.geometry[0], SIZE))
-    assert candidates(towards, SIZE) == []
-    assert candidates(scene(), SIZE) == ["van"]
+    pose = REAR.optical_SE3_patch(towards)
+    assert pose is not None
+    assert not is_behind(pose)
+    assert vehicles_ahead(towards, SIZE, 1.0) == []
+    assert vehicles_ahead(scene(), SIZE, 1.0) == [REAR]
 
 
 def test_rays_meet_the_plane_where_the_lens_looks() -> None:
     ahead = scene()
-    pose = optical_SE3_patch(ahead, np.array(BOX), SIZE)
+    pose = REAR.optical_SE3_patch(ahead)
+    assert pose is not None
     rays = ahead.lens.directions(corners_px(ahead, pose, SIZE))
     where_m, range_m = plane_hits(rays, pose)
     assert where_m == pytest.approx(np.array([(-0.5, -0.25), (0.5, -0.25), (0.5, 0.25), (-0.5, 0.25)]))

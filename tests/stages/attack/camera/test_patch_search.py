@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from camera_scenes import BOX, scene
+from camera_scenes import scene
 from red_detector import RedDetector
 
 from advpipe.pipeline.sensors.camera.exposure import levels_of, signal_of
 from advpipe.stages.attack.camera.patch_light import PatchLight
-from advpipe.stages.attack.camera.patch_place import PatchSize, optical_SE3_patch
+from advpipe.stages.attack.camera.patch_place import PatchSize, VehicleRear
 from advpipe.stages.attack.camera.patch_print import PatchImage, reflectance
 from advpipe.stages.attack.camera.patch_search import PatchExample, PatchExamples, best_random, optimised
 from advpipe.stages.attack.camera.patch_view import patch_view
 
-SIZE, TEXELS = PatchSize(1.6, 1.2, 1.0), (6, 8)
+REAR, TEXELS = VehicleRear("van", PatchSize(1.6, 1.2), 1.0), (6, 8)
 BOX_PX = (280.0, 220.0, 359.0, 299.0)
 
 
@@ -25,12 +25,11 @@ def examples() -> PatchExamples:
     ahead = scene()
     rgb = np.full((480, 640, 3), 128, np.uint8)
     rgb[ahead.pixels_of("van")] = (180, 60, 60)
-    pose = optical_SE3_patch(ahead, np.array(BOX), SIZE)
     signal = signal_of(rgb).reshape(-1, 3)
     light = PatchLight(np.array([0.8, 0.78, 0.7]), np.array([0.01, 0.01, 0.02]))
     views = []
     for offset_m in ((0.0, 0.0), (0.03, -0.02)):
-        view = patch_view(ahead, "van", pose, SIZE, TEXELS, offset_m)
+        view = patch_view(ahead, REAR, TEXELS, offset_m)
         views.append(PatchImage(view, light, signal[view.pixels]))
     return PatchExamples([PatchExample(rgb, views, BOX_PX, 0)], RedDetector())
 
@@ -55,14 +54,12 @@ def test_the_gradient_is_that_of_finite_differences(examples: PatchExamples) -> 
     example = examples.examples[0]
     texture = torch.from_numpy(np.random.default_rng(2).uniform(0.2, 0.8, (48, 3))).float()
     moving = texture.clone().requires_grad_()
-    examples.objectness(moving, example, example.views[0]).backward()
+    examples.missed(moving, example, example.views[0]).backward()
     assert moving.grad is not None
     for texel, channel in ((0, 0), (17, 1), (47, 2)):
         step = torch.zeros_like(texture)
         step[texel, channel] = 0.05
-        apart = [
-            float(examples.objectness(texture + sign * step, example, example.views[0])) for sign in (1, -1)
-        ]
+        apart = [float(examples.missed(texture + sign * step, example, example.views[0])) for sign in (1, -1)]
         slope = (apart[0] - apart[1]) / 0.1
         assert float(moving.grad[texel, channel]) == pytest.approx(slope, rel=0.1, abs=2e-6)
 

@@ -7,16 +7,16 @@ import pytest
 from camera_scenes import BOX, fisheye, scene, with_pole
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.stages.attack.camera.patch_place import PatchSize, optical_SE3_patch
+from advpipe.stages.attack.camera.patch_place import PatchSize, VehicleRear
 from advpipe.stages.attack.camera.patch_view import PatchView, patch_view
 from advpipe.stages.attack.camera.scene import CameraScene
 
-SIZE, TEXELS = PatchSize(1.0, 0.5, 1.0), (4, 8)
+SIZE, TEXELS = PatchSize(1.0, 0.5), (4, 8)
+REAR = VehicleRear("van", SIZE, 1.0)
 
 
 def view_in(ahead: CameraScene, **keys: object) -> PatchView:
-    pose = optical_SE3_patch(ahead, ahead.boxes.geometry[0], SIZE)
-    return patch_view(ahead, "van", pose, SIZE, TEXELS, **keys)  # type: ignore[arg-type]
+    return patch_view(ahead, REAR, TEXELS, **keys)  # type: ignore[arg-type]
 
 
 def shown(view: PatchView, texture: Float64, shape: tuple[int, int]) -> Float64:
@@ -85,8 +85,7 @@ def test_beyond_what_depth_tells_it_is_where_its_vehicle_is() -> None:
 def test_a_fisheye_bends_it() -> None:
     """Aside of the axis, the plane's right edge, a straight line, is a curve in the image."""
     aside = scene(fisheye(), (5.0, -2.5, 1.0, 4.0, 2.0, 2.0, 0.0))
-    pose = optical_SE3_patch(aside, aside.boxes.geometry[0], PatchSize(1.0, 2.0, 1.5))
-    view = patch_view(aside, "van", pose, PatchSize(1.0, 2.0, 1.5), (40, 20))
+    view = patch_view(aside, VehicleRear("van", PatchSize(1.0, 2.0), 1.5), (40, 20))
     rows = view.pixels // 640
     edge = np.array([(view.pixels[rows == row] % 640).max() for row in np.unique(rows)])
     assert len(edge) > 100
