@@ -75,6 +75,15 @@ def test_the_search_beats_random_patches(examples: PatchExamples) -> None:
     assert (found <= 1).all()
 
 
+def test_the_search_shows_what_is_not(examples: PatchExamples) -> None:
+    """The same, for a detector that shall see more than there is."""
+    showing = PatchExamples(examples.examples, RedDetector(), hides=False)
+    random = best_random(showing, np.random.default_rng(3), TEXELS, 1)
+    found = optimised(showing, np.random.default_rng(3), TEXELS, 60, 0.1)
+    assert showing.mean(found) < 0.2 * showing.mean(random)
+    assert showing.mean(found) == pytest.approx(1 - examples.mean(found), abs=1e-6)
+
+
 def test_the_same_seed_finds_the_same_texture(examples: PatchExamples) -> None:
     a, b, c = (optimised(examples, np.random.default_rng(seed), TEXELS, 5, 0.1) for seed in (4, 4, 5))
     assert a.tobytes() == b.tobytes() != c.tobytes()
