@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.messages.compressed_image import IMAGE_TYPE
+from advpipe.pipeline.messages.compressed_image import IMAGE_TYPE, MOST_PIXELS
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.sensors.camera.lens import Lens, lens_of
 
@@ -55,8 +55,8 @@ def cameras_of(reader: BagReader) -> list[RecordedCamera]:
 
 
 def camera_lens(reader: BagReader, camera: RecordedCamera) -> Lens:
-    """The projection of a camera, from its first CameraInfo. Raises AdvpipeError for a bag that has none, and
-    for a model that is neither plumb_bob nor equidistant."""
+    """The projection of a camera, from its first CameraInfo. Raises AdvpipeError for a bag that has none, for
+    a model that is neither plumb_bob nor equidistant, and for images without pixels or with too many."""
     topic, info = camera.info_topic, None
     if topic in reader.topics:
         info = next((message for _, message in reader.messages(topic)), None)
@@ -69,4 +69,7 @@ def camera_lens(reader: BagReader, camera: RecordedCamera) -> Lens:
             f"{reader.path}: {topic} has the distortion model {info.distortion_model[:40]!r}; "
             f"known: {', '.join(_PROJECTIONS)}"
         )
-    return lens_of(projection, (int(info.width), int(info.height)), matrix, info.d.tolist())
+    size_px = int(info.width), int(info.height)
+    if not (min(size_px) > 0 and size_px[0] * size_px[1] <= MOST_PIXELS):
+        raise UsageError(f"{reader.path}: {topic} is of images of {size_px[0]} x {size_px[1]} pixels")
+    return lens_of(projection, size_px, matrix, info.d.tolist())
