@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from advpipe.commands.simulate import simulate as simulate
     from advpipe.commands.sweep import sweep as sweep
     from advpipe.commands.train import train as train
+    from advpipe.commands.train_camera import train_camera as train_camera
     from advpipe.commands.verify import verify as verify
     from advpipe.pipeline.adversary.targets import AttackTargets as AttackTargets
     from advpipe.pipeline.adversary.targets import detection_loss as detection_loss
@@ -58,6 +59,12 @@ if TYPE_CHECKING:
     from advpipe.pipeline.geometry.boxes import CLASSES as CLASSES
     from advpipe.pipeline.geometry.boxes import Boxes as Boxes
     from advpipe.pipeline.geometry.transforms import se3_from_yaw as se3_from_yaw
+    from advpipe.pipeline.image_detector.protocol import (
+        DifferentiableImageDetector as DifferentiableImageDetector,
+    )
+    from advpipe.pipeline.image_detector.protocol import ImageDetections as ImageDetections
+    from advpipe.pipeline.image_detector.protocol import ImageDetector as ImageDetector
+    from advpipe.pipeline.image_detector.registry import image_detector_named as image_detector_named
     from advpipe.pipeline.labels.cloud_quantity import CloudQuantity as CloudQuantity
     from advpipe.pipeline.labels.points import PointLabels as PointLabels
     from advpipe.pipeline.localisation.estimate import Estimate as Estimate
@@ -98,6 +105,14 @@ if TYPE_CHECKING:
     from advpipe.pipeline.v2x.facilities.cam_tree import encode_cam as encode_cam
     from advpipe.pipeline.v2x.facilities.ldm import LdmSnapshot as LdmSnapshot
     from advpipe.pipeline.v2x.facilities.ldm import Verdict as Verdict
+    from advpipe.stages.attack.camera.base import AttackedImage as AttackedImage
+    from advpipe.stages.attack.camera.base import CameraAttack as CameraAttack
+    from advpipe.stages.attack.camera.base import CameraDrive as CameraDrive
+    from advpipe.stages.attack.camera.base import CameraImage as CameraImage
+    from advpipe.stages.attack.camera.base import CameraTraits as CameraTraits
+    from advpipe.stages.attack.camera.base import ImageContext as ImageContext
+    from advpipe.stages.attack.camera.base import PaintedArea as PaintedArea
+    from advpipe.stages.attack.camera.base import whole_image as whole_image
     from advpipe.stages.attack.gnss.base import GnssAttack as GnssAttack
     from advpipe.stages.attack.gnss.base import GnssTraits as GnssTraits
     from advpipe.stages.attack.gnss.base import Spoofer as Spoofer
@@ -152,6 +167,7 @@ _NAMES_OF = {
     "commands.simulate": ("simulate",),
     "commands.sweep": ("sweep",),
     "commands.train": ("train",),
+    "commands.train_camera": ("train_camera",),
     "commands.verify": ("verify",),
     "pipeline.attack_detection.base": (
         *("AttackCheck", "CheckNotApplicableError", "DefenderKnowledge", "Suspicion"),
@@ -171,6 +187,10 @@ _NAMES_OF = {
     "pipeline.detector.registry": ("load_detector",),
     "pipeline.geometry.boxes": ("BOX_COLUMNS", "Boxes", "CLASSES"),
     "pipeline.geometry.transforms": ("se3_from_yaw",),
+    "pipeline.image_detector.protocol": (
+        *("DifferentiableImageDetector", "ImageDetections", "ImageDetector"),
+    ),
+    "pipeline.image_detector.registry": ("image_detector_named",),
     "pipeline.labels.cloud_quantity": ("CloudQuantity",),
     "pipeline.labels.points": ("PointLabels",),
     "pipeline.localisation.estimate": ("Estimate",),
@@ -198,6 +218,10 @@ _NAMES_OF = {
     "pipeline.v2x.facilities.cam": ("Cam",),
     "pipeline.v2x.facilities.cam_tree": ("encode_cam",),
     "pipeline.v2x.facilities.ldm": ("LdmSnapshot", "Verdict"),
+    "stages.attack.camera.base": (
+        *("AttackedImage", "CameraAttack", "CameraDrive", "CameraImage", "CameraTraits", "ImageContext"),
+        *("PaintedArea", "whole_image"),
+    ),
     "stages.attack.radar.base": ("AttackedScan", "RadarAttack", "RadarTraits", "ScanContext"),
     "stages.attack.gnss.base": ("GnssAttack", "GnssTraits", "Spoofer", "SpoofingContext"),
     "stages.attack.lidar.base": (

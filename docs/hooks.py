@@ -116,7 +116,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def catalogue(family: str) -> str:
-    """The table of all registered attacks of a family: lidar, v2x, gnss or radar."""
+    """The table of all registered attacks of a family: lidar, v2x, gnss, radar or camera."""
     heads, row = {
         "lidar": (("attack", "budget", "what it does"), _lidar_row),
         "v2x": (
@@ -131,7 +131,7 @@ def catalogue(family: str) -> str:
             _v2x_row,
         ),
         "gnss": (("attack", "in the paper", "what it does"), _gnss_row),
-        "radar": (("attack", "what it does"), lambda name, kind: (_link(name), _summary(kind))),
+        **dict.fromkeys(("radar", "camera"), (("attack", "what it does"), _plain_row)),
     }[family]
     return _table(heads, [row(name, kind) for name, kind in _attacks(family).items()])
 
@@ -211,12 +211,19 @@ def keys(section: str) -> str:
 
 
 def _attacks(family: str) -> Mapping[str, type[Attack]]:
+    from advpipe.stages.attack.camera.registry import CAMERA_ATTACKS
     from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
     from advpipe.stages.attack.lidar.registry import LIDAR_ATTACKS
     from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
     from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
-    known = {"lidar": LIDAR_ATTACKS, "v2x": V2X_ATTACKS, "gnss": GNSS_ATTACKS, "radar": RADAR_ATTACKS}
+    known: dict[str, Mapping[str, type[Attack]]] = {
+        "lidar": LIDAR_ATTACKS,
+        "v2x": V2X_ATTACKS,
+        "gnss": GNSS_ATTACKS,
+        "radar": RADAR_ATTACKS,
+        "camera": CAMERA_ATTACKS,
+    }
     return known[family]
 
 
@@ -230,6 +237,10 @@ def _v2x_row(name: str, kind: Any) -> tuple[str, ...]:
     numbers = (published.veremi_2018, published.veremi_extension, published.nextgen)
     called = (_called(*each) for each in zip(numbers, (VEREMI, EXTENSION, NEXTGEN), strict=True))
     return (_link(name), _summary(kind), "yes" if kind.traits.needs_ticket else "no", *called)
+
+
+def _plain_row(name: str, kind: Any) -> tuple[str, ...]:
+    return _link(name), _summary(kind)
 
 
 def _gnss_row(name: str, kind: Any) -> tuple[str, ...]:

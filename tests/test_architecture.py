@@ -27,7 +27,7 @@ LAYERS = (
     {"sensors"},
     {"scenario"},
     {"bag", "baselines", "birds_eye", "labels", "live", "results", "viewer"},
-    {"image_labels", "replay", "dataset", "detector", "viewer_layouts"},
+    {"image_labels", "replay", "dataset", "detector", "image_detector", "viewer_layouts"},
     {"attack_detection", "defences"},
     {"adversary", "audit"},
 )

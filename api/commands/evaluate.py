@@ -31,6 +31,7 @@ def evaluate(
     defence_frames: int | None = Options.defence_frames,
     detect_attacks: str | Sequence[str] = Options.detect_attacks,
     misbehaviour_detector: str | Sequence[str] = Options.misbehaviour_detectors,
+    image_detector: str = Options.image_detector,
     seed: int = Options.seed,
     baseline: bool = Options.baseline,
     baseline_tries: int | None = Options.baseline_tries,
@@ -56,6 +57,7 @@ def evaluate(
     or several; or `default`, `all` or `none`. defence_frames: the most frames that defences are scored on.
     detect_attacks: checks that try to tell attacked clouds from clean ones, `all` or `none`.
     misbehaviour_detector: your own detector of false V2X messages, `module:Class`, or several.
+    image_detector: looks at the pictures of cameras: `small`, a .safetensors file, `module:Class`, or `none`.
     seed: of the bootstrap, the baselines and the defences. baseline: also scores a random attack with the
     same budget; baseline_tries: its queries, of which it keeps the best, by default as many as the attack
     has.
@@ -91,6 +93,7 @@ def evaluate(
 
     options = Options(
         detectors=detectors,
+        image_detector=image_detector,
         seed=seed,
         baseline=baseline,
         baseline_tries=baseline_tries,

@@ -29,7 +29,7 @@ _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
     "fix": ("gnss",),
     "scan": ("radar",),
     "return": ("radar",),
-    "chunk": ("lidar", "v2x", "gnss", "radar"),
+    "chunk": ("lidar", "v2x", "gnss", "radar", "camera"),
 }
 
 

@@ -32,6 +32,7 @@ from advpipe.pipeline.cli.shared import Answer, answering
 from advpipe.pipeline.cli.simulate import simulate_command
 from advpipe.pipeline.cli.sweep import sweep_command
 from advpipe.pipeline.cli.train import import_weights, train_command
+from advpipe.pipeline.cli.train_camera import train_camera_command
 from advpipe.pipeline.cli.unpack import unpack_command
 from advpipe.pipeline.cli.verify import verify_command
 from advpipe.pipeline.cli.view import view_command
@@ -60,6 +61,7 @@ COMMANDS: dict[str, Callable[..., Answer]] = {
     "export": export,
     "run": run,
     "train": train_command,
+    "train-camera": train_camera_command,
     "import-weights": import_weights,
     "share": share_command,
     "unpack": unpack_command,

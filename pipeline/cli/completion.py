@@ -23,6 +23,13 @@ def detector_names(incomplete: str) -> list[str]:
     return _beginning(shipped_checkpoints(), incomplete)
 
 
+def image_detector_names(incomplete: str) -> list[str]:
+    """The shipped image detectors."""
+    from advpipe.pipeline.image_detector.registry import SHIPPED
+
+    return _beginning([*SHIPPED, "none"], incomplete)
+
+
 def scenario_names(incomplete: str) -> list[str]:
     """The shipped scenarios."""
     from advpipe.pipeline.core.shipped_scenarios import shipped_scenarios

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advpipe.pipeline.cli.completion import attack_check_names, defence_names, detector_names
+from advpipe.pipeline.cli.completion import (
+    attack_check_names,
+    defence_names,
+    detector_names,
+    image_detector_names,
+)
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -66,6 +71,9 @@ def evaluate_command(
         list[str] | None,
         cli_option(Options, "misbehaviour_detectors", "--misbehaviour-detector", show_default=False),
     ] = None,
+    image_detector: Annotated[
+        str, cli_option(Options, "image_detector", autocompletion=image_detector_names)
+    ] = Options.image_detector,
     seed: Annotated[int, cli_option(Options, "seed")] = Options.seed,
     baseline: Annotated[bool, cli_option(Options, "baseline")] = Options.baseline,
     baseline_tries: BaselineTries = None,
@@ -96,6 +104,7 @@ def evaluate_command(
         defence_frames=defence_frames,
         detect_attacks=detect_attacks or Options.detect_attacks,
         misbehaviour_detector=misbehaviour_detector or (),
+        image_detector=image_detector,
         seed=seed,
         baseline=baseline,
         baseline_tries=baseline_tries,

@@ -94,7 +94,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
     """
     if not path.is_file():
         raise UsageError(f"no detector checkpoint at {path}; train one with `advpipe train`")
-    _check_size(path)
+    check_size(path)
     try:
         with safe_open(path, framework="pt") as file:
             net, provenance = _read_metadata(path, file.metadata() or {})
@@ -118,7 +118,7 @@ def load_checkpoint(path: Path, device: torch.device | None = None) -> Checkpoin
     return Checkpoint(net.to(device), with_listed_maps(provenance, path, shipped_checkpoints().values()))
 
 
-def _check_size(path: Path) -> None:
+def check_size(path: Path) -> None:
     """Check the lengths of header and file before either is read."""
     size_bytes = path.stat().st_size
     with path.open("rb") as file:

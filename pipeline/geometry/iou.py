@@ -110,3 +110,17 @@ def _inside(points: Float64, centres: Float64, boxes: Float64) -> npt.NDArray[np
     return np.asarray(
         (np.abs(along) <= boxes[:, 3, None] / 2 + 1e-9) & (np.abs(across) <= boxes[:, 4, None] / 2 + 1e-9)
     )
+
+
+def iou_2d(a: Float64, b: Float64) -> Float64:
+    """IoU (K, M) of boxes a (K, 4) and b (M, 4) in an image: left, top, right, bottom; 0 without area."""
+    shared, area_a, area_b = shared_areas(a, b)
+    union = area_a[:, None] + area_b - shared
+    return np.divide(shared, union, out=np.zeros(shared.shape), where=union > 0)
+
+
+def shared_areas(a: Float64, b: Float64) -> tuple[Float64, Float64, Float64]:
+    """The common areas (K, M) of boxes in an image, a (K, 4) and b (M, 4), and the areas (K,) and (M,)."""
+    low, high = np.maximum(a[:, None, :2], b[:, :2]), np.minimum(a[:, None, 2:], b[:, 2:])
+    area_a, area_b = (np.prod(each[:, 2:] - each[:, :2], axis=1) for each in (a, b))
+    return np.prod(np.maximum(high - low, 0), axis=2), area_a, area_b

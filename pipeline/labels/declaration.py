@@ -13,7 +13,7 @@ from pydantic import Field
 from advpipe.pipeline.core.document import Count, Document, Number, ShortText
 from advpipe.pipeline.labels.cloud_quantity import CloudQuantity
 
-Family = Literal["gnss", "v2x", "lidar", "radar"]
+Family = Literal["gnss", "v2x", "lidar", "radar", "camera"]
 
 MOST_PARTS = 10_000
 """Parts of a mix, at most: as many as a list of names in a scenario file can hold."""

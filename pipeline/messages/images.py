@@ -15,6 +15,9 @@ from advpipe.pipeline.messages.types import message_class
 Box2D = tuple[int, int, int, int]
 """First and last column and row: left, top, right, bottom."""
 
+MOST_PIXELS = 1 << 26
+"""Limit on a picture that is read: it comes from a bag."""
+
 
 def jpeg_message(stamp_ns: int, frame_id: str, rgb: npt.NDArray[np.uint8], quality: int) -> Any:
     """sensor_msgs/CompressedImage of an image (H, W, 3), in the format of compressed_image_transport."""
@@ -44,6 +47,20 @@ def _encoded(image: npt.NDArray[Any], codec: str, **options: int) -> bytes:
     file = io.BytesIO()
     Image.fromarray(image).save(file, codec, **options)
     return file.getvalue()
+
+
+def decoded_rgb(data: bytes) -> npt.NDArray[np.uint8]:
+    """The colours (H, W, 3) of a JPEG or PNG file. Raises ValueError, saying what it is, for another one."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(data), formats=["JPEG", "PNG"]) as image:
+            width, height = image.size
+            if width * height > MOST_PIXELS:
+                raise ValueError(f"has {width} x {height} pixels, over {MOST_PIXELS:,}")
+            return np.asarray(image.convert("RGB"))
+    except (OSError, SyntaxError, Image.DecompressionBombError):
+        raise ValueError("is not a complete JPEG or PNG file") from None
 
 
 def camera_info_message(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
+from advpipe.pipeline.geometry.iou import iou_3d, iou_bev, shared_areas
 
 Float64 = npt.NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class KittiOverlaps:
         found, known = detections.upright_boxes(), truth.upright_boxes()[objects]
         bev, volume = (np.zeros((len(found), len(truth.names))) for _ in range(2))
         bev[:, objects], volume[:, objects] = iou_bev(found, known), iou_3d(found, known)
-        inside, area, areas = _intersections(detections.bbox_px, truth.bbox_px)
+        inside, area, areas = shared_areas(detections.bbox_px, truth.bbox_px)
         union = area[:, None] + areas - inside
         share = _quotient(inside[:, is_region], np.broadcast_to(area[:, None], inside[:, is_region].shape))
         return cls(
@@ -93,13 +93,6 @@ class KittiOverlaps:
     def in_space(self, space: str) -> Float64:
         """The overlaps (K, N) in `bbox`, `bev` or `3d`."""
         return {"bbox": self.bbox, "bev": self.bev, "3d": self.volume}[space]
-
-
-def _intersections(a: Float64, b: Float64) -> tuple[Float64, Float64, Float64]:
-    """The common area (K, N) of 2D boxes a (K, 4) and b (N, 4), and the areas of both."""
-    low, high = np.maximum(a[:, None, :2], b[:, :2]), np.minimum(a[:, None, 2:], b[:, 2:])
-    area_a, area_b = (np.prod(each[:, 2:] - each[:, :2], axis=1) for each in (a, b))
-    return np.prod(np.maximum(high - low, 0), axis=2), area_a, area_b
 
 
 def _quotient(part: Float64, whole: Float64) -> Float64:

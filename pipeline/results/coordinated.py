@@ -10,22 +10,24 @@ from advpipe.pipeline.results.listed import Flat, LeftOut, Listed
 
 @dataclass(frozen=True)
 class AttacksByTarget:
-    """The attacks on a vehicle's fixes, messages, clouds and radar scans."""
+    """The attacks on a vehicle's fixes, messages, clouds, radar scans and camera images."""
 
     fixes: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on GNSS fixes"] = None
     messages: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on messages"] = None
     clouds: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on clouds"] = None
     scans: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on radar scans"] = None
+    images: Annotated[tuple[str, ...] | None, LeftOut(), "names of the attacks on camera images"] = None
 
 
 @dataclass(frozen=True)
 class AttackedCounts:
-    """How many fixes, messages, clouds and radar scans were attacked."""
+    """How many fixes, messages, clouds, radar scans and camera images were attacked."""
 
     fixes: Annotated[int | None, LeftOut(), "number of attacked GNSS fixes"] = None
     messages: Annotated[int | None, LeftOut(), "number of attacked messages"] = None
     clouds: Annotated[int | None, LeftOut(), "number of attacked clouds"] = None
     scans: Annotated[int | None, LeftOut(), "number of attacked radar scans"] = None
+    images: Annotated[int | None, LeftOut(), "number of attacked camera images"] = None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from dataclasses import is_dataclass
 from typing import Any, Union, get_args, get_origin
 
 from advpipe.pipeline.geometry.boxes import CLASSES
+from advpipe.pipeline.results.camera import CameraRecord
 from advpipe.pipeline.results.collective_perception import CollectivePerceptionRecord
 from advpipe.pipeline.results.cooperative import CooperativeRecord
 from advpipe.pipeline.results.coordinated import CoordinatedRecord
@@ -70,6 +71,7 @@ def report_schema() -> Schema:
         "coordinated": CoordinatedRecord,
         "radar": RadarRecord,
         "radar_detection": RadarDetectionRecord,
+        "camera": CameraRecord,
     }
     required = ["average_precision", "warnings", "formulas", "provenance", "rows", "schema"]
     schema: Schema = {

@@ -43,8 +43,8 @@ class PublishedPreset:
 
 
 class Attack(ABC):
-    """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack`, `GnssAttack` or
-    `RadarAttack`.
+    """An attack inherits from the base of its family: `LidarAttack`, `V2xAttack`, `GnssAttack`,
+    `RadarAttack` or `CameraAttack`.
 
     A class that lacks what its base requires is refused when it is registered or loaded. family: follows from
     the base class. family_title: what the family's attacks change, for users. usual_options: of the command

@@ -6,6 +6,7 @@ from advpipe.pipeline.core.plugins import plugin_errors, plugin_names
 from advpipe.pipeline.labels.declaration import Declaration
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.stages.attack.base import checked_bounds
+from advpipe.stages.attack.camera.base import CameraAttack
 from advpipe.stages.attack.gnss.base import GnssAttack
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
 from advpipe.stages.attack.lidar.build import build_lidar_attack
@@ -27,7 +28,7 @@ def declaration_of(spec: AttackSpec) -> Declaration:
             bounds = checked_bounds(spec.type, attack_class, build_lidar_attack(spec).bounds)
             own = tuple(each for each in lidar_traits(attack_class).quantities if each.name in bounds)
             return Declaration(family=attack_class.family, bounds=bounds, quantities=own)
-        assert issubclass(attack_class, (GnssAttack, RadarAttack))
+        assert issubclass(attack_class, (GnssAttack, RadarAttack, CameraAttack))
         bounds = checked_bounds(
             spec.type, attack_class, attack_class(**resolved_parameters(spec, attack_class)).bounds
         )

@@ -22,6 +22,7 @@ def change_messages(
     seed: int,
     debug: DebugMessages | None = None,
     radar: Sequence[AttackSpec] = (),
+    camera: Sequence[AttackSpec] = (),
 ) -> list[Change]:
     """The changes that the attacks of these families make to a bag's messages; no topic belongs to two.
 
@@ -49,4 +50,8 @@ def change_messages(
         from advpipe.stages.attack.radar.change import attack_radars
 
         changes.append(attack_radars(reader, radar, seed))
+    if camera:
+        from advpipe.stages.attack.camera.change import attack_cameras
+
+        changes.append(attack_cameras(reader, camera, seed))
     return changes

@@ -10,7 +10,10 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.implementation import import_object
 from advpipe.stages.attack.base import Attack, refuse_undeclared
 
-BASES = "LidarAttack, V2xAttack, GnssAttack or RadarAttack (stages/attack/lidar, v2x, gnss, radar: base.py)"
+BASES = (
+    "LidarAttack, V2xAttack, GnssAttack, RadarAttack or CameraAttack "
+    "(stages/attack/lidar, v2x, gnss, radar, camera: base.py)"
+)
 
 
 def plugin_attack(name: str) -> type[Attack]:

@@ -8,6 +8,8 @@ from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import nearest_names, suggestion
 from advpipe.pipeline.scenario.attacks import AttackSpec, attack_spec
 from advpipe.stages.attack.base import Attack, Traits
+from advpipe.stages.attack.camera.base import CameraAttack
+from advpipe.stages.attack.camera.registry import CAMERA_ATTACKS
 from advpipe.stages.attack.gnss.base import GnssAttack
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.lidar.base import LidarAttack, lidar_traits
@@ -18,12 +20,12 @@ from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
 from advpipe.stages.attack.v2x.base import V2xAttack
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
-BASES: tuple[type[Attack], ...] = (GnssAttack, V2xAttack, LidarAttack, RadarAttack)
+BASES: tuple[type[Attack], ...] = (GnssAttack, V2xAttack, LidarAttack, RadarAttack, CameraAttack)
 
 
 FAMILY_REGISTRIES: tuple[Mapping[str, type[Attack]], ...] = (
     *(LIDAR_ATTACKS, GNSS_ATTACKS, V2X_ATTACKS),
-    RADAR_ATTACKS,
+    *(RADAR_ATTACKS, CAMERA_ATTACKS),
 )
 """In the order in which users see them."""
 

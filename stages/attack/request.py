@@ -12,9 +12,11 @@ from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.detector.attacked import attacked_name, attacked_sha256
 from advpipe.pipeline.detector.device import device_record, frames_at_once, open_device
+from advpipe.pipeline.image_detector.registry import image_detector_sha256
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.scenario.models import Scenario
+from advpipe.stages.attack.camera.base import CameraAttack
 from advpipe.stages.attack.declared import declaration_of
 from advpipe.stages.attack.parameters import resolved_parameters, resolved_recipe
 from advpipe.stages.attack.plugin import source_sha256
@@ -95,6 +97,14 @@ class AttackRequest:
         }
 
 
+def image_detectors_of(spec: AttackSpec) -> tuple[str, ...]:
+    """The names of the image detectors that an attack on cameras attacks; none for any other."""
+    attack_class = find_attack(spec.type)
+    if not issubclass(attack_class, CameraAttack):
+        return ()
+    return attack_class(**resolved_parameters(spec, attack_class)).image_detectors
+
+
 def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     attack_class = find_attack(spec.type)
     foreign = {key for base in BASES if base.family != attack_class.family for key in base.own_keys}
@@ -105,6 +115,8 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
         plain["parameters"] = plain_json.load_json(json.dumps(resolved_parameters(spec, attack_class)))
     except (TypeError, ValueError) as error:  # of a user's own attack
         raise AdvpipeError(f"{spec.type}: parameters cannot be written as JSON: {error}") from None
+    if detectors := image_detectors_of(spec):
+        plain["image_detector_sha256"] = {name: image_detector_sha256(name) for name in detectors}
     if attack_class.family != "lidar":
         if plain.get("credentials") == AttackSpec.model_fields["credentials"].default:
             del plain["credentials"]  # the record of an insider's attack does not mention it

@@ -22,6 +22,7 @@ from advpipe.pipeline.core.verbosity import notice
 from advpipe.pipeline.detector.device import frames_at_once
 from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector, member_names
+from advpipe.pipeline.image_detector.registry import differentiable_image_detector
 from advpipe.pipeline.labels.clouds import LabelledFrame, PointTables
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_to_cdr
@@ -38,7 +39,7 @@ from advpipe.stages.attack.messages import change_messages
 from advpipe.stages.attack.output_name import attack_id
 from advpipe.stages.attack.provenance import job_provenance, resolved_text
 from advpipe.stages.attack.recording import recording_of
-from advpipe.stages.attack.request import AttackRequest
+from advpipe.stages.attack.request import AttackRequest, image_detectors_of
 from advpipe.stages.attack.selected import messages_of_frames
 from advpipe.stages.attack.summary import NOT_SCHEDULED, AttackSummary
 
@@ -60,10 +61,11 @@ def attack(
 ) -> AttackSummary:
     """Carry out the attacks of a request on a bag and write the bag they make.
 
-    GPS comes first, then V2X, radar and LiDAR. Every message that is not attacked is copied byte for byte.
-    Frames that are not chosen are left out, or their clouds alone where messages are attacked too. Beside the
-    bag in the folder `out` lie attack.yaml (the resolved request) and Parquet files with the labels:
-    labels.parquet and frames.parquet of clouds (see `labels.clouds`), and those of each change of messages.
+    GPS comes first, then V2X, radar, cameras and LiDAR. Every message that is not attacked is copied byte for
+    byte. Frames that are not chosen are left out, or their clouds alone where messages are attacked too.
+    Beside the bag in the folder `out` lie attack.yaml (the resolved request) and Parquet files with the
+    labels: labels.parquet and frames.parquet of clouds (see `labels.clouds`), and those of each change of
+    messages.
     Debug topics (`messages.debug`) show viewers what was attacked, unless the request leaves them out; those
     of the given bag are not copied.
     An interrupted run resumes where it stopped. The bytes are the same for any number of worker processes
@@ -91,14 +93,17 @@ def attack(
     writer = BagWriter(out, provenance=provenance, overwrite=overwrite, finish=write_layouts, split=split)
     resolved = resolved_text(provenance)
     summary = AttackSummary(out)
-    gnss, v2x, radar = request.of("gnss"), request.of("v2x"), request.of("radar")
+    gnss, v2x = request.of("gnss"), request.of("v2x")
+    radar, camera = request.of("radar"), request.of("camera")
+    types = [spec.type for spec in (*gnss, *v2x, *radar, *camera)]
+    detectors = [name for spec in camera for name in image_detectors_of(spec)]
     with (
-        plugin_errors(plugin_names(spec.type for spec in (*gnss, *v2x, *radar))),
+        plugin_errors(plugin_names([*types, *detectors])),
         open_job(out, resolved) as job,
     ):
         debug = DebugMessages() if request.debug else None
         with working_on(MESSAGES):
-            changes = change_messages(reader, gnss, v2x, request.seed, debug, radar)
+            changes = change_messages(reader, gnss, v2x, request.seed, debug, radar, camera)
         messages = changed_messages(reader, changes, debug)
         if plan is not None:
             _attack_clouds(reader.path, plan, request, job, workers)
@@ -119,8 +124,10 @@ def attack(
 
 
 def _check_detectors(reader: BagReader, request: AttackRequest) -> None:
-    """Raises UsageError for a detector that cannot be loaded or adapted; says where the clouds differ from
-    those that it expects."""
+    """Raises UsageError for a detector that cannot be loaded, adapted or differentiated; says where the
+    clouds differ from those that it expects."""
+    for name in dict.fromkeys(each for spec in request.of("camera") for each in image_detectors_of(spec)):
+        differentiable_image_detector(name)
     victims = [(spec, name) for spec in request.lidar for name in member_names(spec.detector)]
     detectors = {name: load_detector(name, request.device) for name in dict.fromkeys(n for _, n in victims)}
     for spec, name in victims:

@@ -10,6 +10,7 @@ from pathlib import Path
 from advpipe.pipeline.bag.frames import find_lidar_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.window import window_of
+from advpipe.stages.evaluate.camera.section import camera_sections as camera
 from advpipe.stages.evaluate.cooperative.collective import collective_sections as collective
 from advpipe.stages.evaluate.cooperative.section import cooperative_sections as cooperative
 from advpipe.stages.evaluate.coordinated.effects import DetectedFrames
@@ -48,6 +49,7 @@ def added_sections(
         for family in (seen, localisation, judged, collective, radar)
         for section in family(clean, adversarial, options.seed, window=window)
     ]
+    sections += camera(clean, adversarial, options.image_detector, options.device, window)
     if window.end_ns is not None:
         note = OF_WINDOW.format(length_s=(window.end_ns - window.begin_ns) / 1e9)
         sections = [replace(section, notes=(*section.notes, note)) for section in sections]

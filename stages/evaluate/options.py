@@ -33,6 +33,9 @@ class Options:
         ("small",),
         "A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
     )
+    image_detector: str = option(
+        "small", "For the pictures of cameras: small, a .safetensors file, module:Class, or none."
+    )
     seed: int = option(0, "Seed of the bootstrap, the baselines and the defences.", least=0)
     baseline: bool = option(True, "Also score random baselines of equal budget.")
     baseline_tries: int | None = options.baseline_tries()

@@ -50,6 +50,7 @@ REPORTING = (
     "pipeline/labels",
     "pipeline/messages",
     "pipeline/replay",
+    "pipeline/image_detector",
     "pipeline/image_labels",
     "pipeline/kitti",
     "pipeline/localisation",

@@ -107,7 +107,7 @@ def evaluate(
 def _plan(options: Options) -> dict[str, float]:
     """The phases with rough shares of the time; those of families that were not attacked are left out."""
     detectors = dict.fromkeys((f"detector {name}" for name in options.detectors), 60.0)
-    families = {"coordinated attacks": 3, "localisation": 5, "V2X of each bag": 8, "radars": 3}
+    families = {"coordinated attacks": 3, "localisation": 5, "V2X of each bag": 8, "radars": 3, "cameras": 10}
     return {LOADING: 3, **detectors, **families, "cooperative perception": 8, WRITING: 30}
 
 

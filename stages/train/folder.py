@@ -6,8 +6,9 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.atomic_file import write_atomically
@@ -16,7 +17,6 @@ from advpipe.pipeline.core.leftover_names import is_leftover_name
 from advpipe.pipeline.core.lock import LOCK_NAME, take_lock, take_stale_lock
 from advpipe.pipeline.core.option_names import option_name
 from advpipe.pipeline.detector.device import device_record
-from advpipe.stages.train.config import TrainConfig
 
 
 @dataclass(frozen=True)
@@ -110,15 +110,15 @@ class RunFolder:
         if self.checkpoint.exists() and not overwrite:
             raise OutputExistsError(self.checkpoint)
 
-    def open(self, config: TrainConfig, origin: Mapping[str, str], overwrite: bool) -> None:
+    def open(self, config: Mapping[str, Any], origin: Mapping[str, str], overwrite: bool) -> None:
         """Start a run in the folder, or accept its unfinished run with the same configuration; see `refuse`.
 
-        origin: checksums of the files that the configuration names, since their contents may change.
+        config: the fields of the run's configuration. origin: checksums of the files that the configuration
+        names, since their contents may change.
         """
         # The number of processes does not change the result, so a run may resume with another.
-        about = {**asdict(config), "workers": None, "origin": dict(origin)}
-        del about["device"]
-        about |= device_record(config.device)
+        about = {**config, "workers": None, "origin": dict(origin)}
+        about |= device_record(about.pop("device"))
         wanted = json.dumps(about, default=str, indent=2, sort_keys=True) + "\n"
         if overwrite:
             for file in (self.checkpoint, self.latest, self.state, self.log, self.validations, self.picture):

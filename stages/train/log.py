@@ -47,7 +47,9 @@ class Log:
         self._file.close()
 
 
-def plot_training(steps: Path, validations: Path, picture: Path) -> None:
+def plot_training(
+    steps: Path, validations: Path, picture: Path, precision_label: str = "strict 3D AP in %"
+) -> None:
     """The losses over the steps, smoothed over about a fiftieth of the run, and the average precision."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -66,7 +68,7 @@ def plot_training(steps: Path, validations: Path, picture: Path) -> None:
     for lower in below:
         for name in CLASSES:
             lower.plot(precision["step"], precision[name], marker=".", label=name)
-        lower.set(ylabel="strict 3D AP in % on the validation drive", ylim=(0, 100))
+        lower.set(ylabel=f"{precision_label} on the validation drive", ylim=(0, 100))
     for axis in (axes, *below):
         axis.grid(alpha=0.3)
         axis.legend()

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import asdict, dataclass
-from math import cos, isfinite, pi
+from math import isfinite
 from pathlib import Path
 
 import torch
@@ -31,6 +31,7 @@ from advpipe.stages.train.config import TrainConfig
 from advpipe.stages.train.examples import Examples
 from advpipe.stages.train.folder import RunFolder
 from advpipe.stages.train.frames import FrameStore
+from advpipe.stages.train.learning_rate import learning_rate
 from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_columns
 from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.mounts import expected_height, mounts_of_frames
@@ -101,7 +102,7 @@ def train(
         with working_on(READING):
             digests = {bag: parent_sha256(bag) for bag in bags}
             origin = training_origin(config, digests)
-            folder.open(config, origin, overwrite)
+            folder.open(asdict(config), origin, overwrite)
             with while_reading():
                 store = store_frames(digests, folder, config)
         return _train(folder, net, store, config, drive, origin)
@@ -147,7 +148,7 @@ def _train(
         gradients(net, examples, workers) as gradients_of,
     ):
         for step in track(range(state.step, steps), "train", steps - state.step, status.text):
-            rate = learning_rate(step, steps, config)
+            rate = learning_rate(step, steps, config.learning_rate, config.warmup)
             parts, norm = train_step(state, gradients_of, rate, config.clip_norm)
             log.add(step, rate, sum(parts), *parts, norm)
             status.step(parts)
@@ -238,15 +239,6 @@ def training_provenance(
         "torch": torch.__version__,
         **device_record(config.device),
     }
-
-
-def learning_rate(step: int, steps: int, config: TrainConfig) -> float:
-    """Linear warm-up from a tenth, then half a cosine down to a thousandth."""
-    warm = config.warmup * steps
-    if step < warm:
-        return config.learning_rate * (0.1 + 0.9 * step / warm)
-    done = (step - warm) / max(1.0, steps - warm)
-    return config.learning_rate * (0.001 + 0.999 * (1 + cos(pi * done)) / 2)
 
 
 def train_step(

@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+from torch import nn
 
 from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.option_names import option_name
-from advpipe.pipeline.detector.common.network import DetectionNetwork
 
 
 @dataclass
 class TrainState:
     """The network, the optimiser and the next step."""
 
-    net: DetectionNetwork
+    net: nn.Module
     optimiser: torch.optim.AdamW
     step: int = 0
 
     @classmethod
-    def new(cls, net: DetectionNetwork, learning_rate: float, weight_decay: float) -> TrainState:
+    def new(cls, net: nn.Module, learning_rate: float, weight_decay: float) -> TrainState:
         """The state before the first step, with AdamW."""
         optimiser = torch.optim.AdamW(
             net.parameters(), learning_rate, betas=(0.9, 0.99), weight_decay=weight_decay

@@ -12,6 +12,7 @@ from advpipe.stages.verify.checks.copies import Copies
 from advpipe.stages.verify.checks.crcs import Crcs
 from advpipe.stages.verify.checks.debug_topics import DebugTopics
 from advpipe.stages.verify.checks.fixes import Fixes
+from advpipe.stages.verify.checks.images import Images
 from advpipe.stages.verify.checks.leaks import Leaks
 from advpipe.stages.verify.checks.metadata import MetadataYaml
 from advpipe.stages.verify.checks.points import Points
@@ -49,6 +50,7 @@ CHECKS: dict[str, type[FolderCheck] | type[BagCheck]] = {
     "cams": CamsCheck,
     "fixes": Fixes,
     "scans": Scans,
+    "images": Images,
     "debug": DebugTopics,
     "audit": Leaks,
 }

@@ -65,7 +65,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_attack_is_in_a_catalogue(site: Path) -> None:
     """Those of a newcomer too: nobody has to write a page for one."""
-    names = ("lidar-attacks", "v2x-gnss-attacks", "radar")
+    names = ("lidar-attacks", "v2x-gnss-attacks", "radar", "camera")
     pages = [(site / f"{name}.html").read_text(encoding="utf-8") for name in names]
     linked = set(re.findall(r'<a href="#([a-z-]+)"><code>\1</code></a>', "".join(pages)))
     assert linked == set(ATTACKS)

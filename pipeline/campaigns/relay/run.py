@@ -213,8 +213,9 @@ def _resolved(settings: RelaySettings) -> RelaySettings:
     resolved = settings.model_copy(update={"attacks": tuple(map(resolved_name, settings.attacks))})
     for spec in resolved.attacks:
         refuse_foreign_keys(relay_spec(spec))
-        if find_attack(relay_spec(spec).type).family == "radar":
-            raise UsageError(f"{spec.type}: relay attacks no radars; attack a recorded drive")
+        family = find_attack(relay_spec(spec).type).family
+        if family in ("radar", "camera"):
+            raise UsageError(f"{spec.type}: relay attacks no {family}s; attack a recorded drive")
         declaration_of(relay_spec(spec))
     return resolved
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -26,6 +28,29 @@ WHITE = 6.0
 """What the curve maps to 255."""
 
 _STEPS, _NORMALS = 4096, 1 << 20
+
+
+def levels_of(signal: Float32) -> UInt8:
+    """The levels 0 to 255 of an exposed signal, 1 being white before the curve, as `Exposure` has them."""
+    place = np.sqrt(np.clip(signal, 0, WHITE) / np.float32(WHITE)) * np.float32(_STEPS - 1)
+    levels: UInt8 = np.take(_curve(), place.astype(np.int32))
+    return levels
+
+
+def signal_of(levels: UInt8) -> Float32:
+    """The inverse of `levels_of`: the middle of the signals that have a level."""
+    return _signals()[levels]
+
+
+@cache
+def _signals() -> Float32:
+    """The signal of each of the 256 levels."""
+    curve, signals = _curve(), WHITE * np.linspace(0, 1, _STEPS) ** 2
+    known, first = np.unique(curve, return_index=True)
+    last = np.append(first[1:], _STEPS) - 1
+    middle = (signals[first] + signals[last]) / 2
+    found: Float32 = np.interp(np.arange(256), known, middle).astype(np.float32)
+    return found
 
 
 class Exposure:
@@ -71,12 +96,21 @@ class Exposure:
         return float(np.exp(min(self._log_exposure, np.log(60.0)) + self._stops * np.log(2.0)))
 
 
+@cache
 def _curve() -> UInt8:
-    """sRGB's curve after a shoulder (Reinhard et al. 2002, equation 4), by the square root of the signal."""
+    """`curve`, rounded."""
+    levels: UInt8 = np.rint(curve()).astype(np.uint8)
+    return levels
+
+
+@cache
+def curve() -> npt.NDArray[np.float64]:
+    """sRGB's curve after a shoulder (Reinhard et al. 2002, equation 4): levels from 0 to 255 at equal steps
+    of the square root of the signal, from 0 to that of `WHITE`."""
     signal = WHITE * np.linspace(0, 1, _STEPS) ** 2
     signal = signal * 1.15
     toned = np.clip(signal * (1 + signal / WHITE**2) / (1 + signal) * (1 + 1 / WHITE) * 1.02, 0, 1)
     toned = toned**1.08  # a little more contrast than the scene's
     coded = np.where(toned > 0.0031308, 1.055 * toned ** (1 / 2.4) - 0.055, 12.92 * toned)
-    levels: UInt8 = np.clip(np.rint(coded * 255), 0, 255).astype(np.uint8)
+    levels: npt.NDArray[np.float64] = np.clip(coded * 255, 0, 255)
     return levels

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.camera.contact import openness
 from advpipe.pipeline.sensors.camera.lens import Lens
+from advpipe.pipeline.sensors.camera.long_rows import along
 from advpipe.pipeline.sensors.camera.palette import TAG
 from advpipe.pipeline.sensors.camera.shading import Shading
 from advpipe.pipeline.sensors.camera.surfaces import Surfaces, VisibleSurroundings
@@ -148,7 +149,8 @@ class Photographer:
     def _rays(self, view: View, directions: Float32) -> Float32:
         rays = np.empty((len(directions), 6), np.float32)
         rays[:, :3] = view.map_SE3_optical[:3, 3]
-        np.matmul(directions, view.map_SE3_optical[:3, :3].T.astype(np.float32), out=rays[:, 3:])
+        for axis, row in enumerate(view.map_SE3_optical[:3, :3]):
+            rays[:, 3 + axis] = along(row, directions.T)
         return rays
 
     def _openness(self, boxes: Float64, surfaces: Surfaces, view: View, pixels: slice, top: int) -> Float32:

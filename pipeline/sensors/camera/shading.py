@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.camera.haze import extinction_per_m, veil
+from advpipe.pipeline.sensors.camera.long_rows import along, turned
 from advpipe.pipeline.sensors.camera.sky_map import SkyMap
 from advpipe.pipeline.sensors.camera.surfaces import HEAD_LAMP, NO_LAMP, Surfaces
 
@@ -51,7 +52,7 @@ class Shading:
         """Indices of the surfaces that face the sun, and are lit unless something is in between."""
         if not self.has_sun:
             return np.zeros(0, np.int64)
-        facing = self._sun @ surfaces.normals > 0
+        facing = along(self._sun, surfaces.normals) > 0
         facing |= surfaces.is_thin
         return np.flatnonzero(facing)
 
@@ -92,12 +93,12 @@ class Shading:
 
     def _light(self, surfaces: Surfaces, is_lit: Bool, openness: Float32, beam: Float64) -> Float32:
         """Irradiance / pi (3, K) of the surfaces."""
-        light: Float32 = self._sky.ambient[1:].T @ surfaces.normals
+        light: Float32 = turned(self._sky.ambient[1:].T, surfaces.normals)
         light += self._sky.ambient[0][:, None]
         darker = np.flatnonzero(openness < 1)
         light[:, darker] *= openness[darker]
         if self.has_sun:
-            cos = self._sun @ surfaces.normals
+            cos = along(self._sun, surfaces.normals)
             thin = np.flatnonzero(surfaces.is_thin)
             cos[thin] = np.maximum(cos[thin], -THIN_SHARE * cos[thin]) * np.float32(0.8)
             np.maximum(cos, 0, out=cos)
@@ -126,7 +127,7 @@ class Shading:
         if self._is_wet:  # what stands beside the road is darker than the sky above it
             image *= np.where(surfaces.wets[smooth], np.float32(0.6), np.float32(1))
         elif self.has_sun:
-            towards = np.maximum(self._sun @ mirrored, 0)
+            towards = np.maximum(along(self._sun, mirrored), 0)
             glint = np.flatnonzero((towards > 0.98) & is_lit[smooth])
             lobe = GLOSS_PEAK * towards[glint] ** GLOSS_POWER
             image[:, glint] += self._sun_light[:, None] * lobe
@@ -174,7 +175,7 @@ def _low_beams(surfaces: Surfaces, map_SE3_base: Float64) -> Float32:
     """Illuminance / pi (K,) of the surfaces by the vehicle's own low beams, with their cut-off."""
     lamp = (map_SE3_base @ [1.9, 0.0, 0.65, 1.0])[:3].astype(np.float32)
     away = surfaces.points_m - lamp[:, None]
-    ahead, left, up = map_SE3_base[:3, :3].T.astype(np.float32) @ away
+    ahead, left, up = turned(map_SE3_base[:3, :3].T, away)
     square = np.maximum((away * away).sum(axis=0), np.float32(0.25))
     forward = np.maximum(ahead, np.float32(0.1))
     across, height = left / forward, up / forward + np.float32(0.008)

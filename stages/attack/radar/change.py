@@ -14,13 +14,13 @@ from advpipe.pipeline.bag.recorded_radars import RecordedRadar, recorded_radars
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.labels.scans import FILE
+from advpipe.pipeline.labels.scans import FILE, SCAN_COLUMNS
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.radar import StampedScan, radar_cloud_to_cdr, scan_from_cdr, scan_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.label_spool import LabelSpool
 from advpipe.stages.attack.parameters import resolved_parameters
-from advpipe.stages.attack.radar.label_spool import LabelSpool
 from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
 from advpipe.stages.attack.radar.schedule import ScanAttackSchedule
 from advpipe.stages.attack.recording import recording_of
@@ -34,7 +34,7 @@ class RadarChange:
         self._scans = {one.recorded.scan_topic: one for one in schedules}
         self._points = {one.recorded.points_topic: one.recorded.scan_topic for one in schedules}
         self.topics = frozenset({*self._scans, *self._points} & reader.topics.keys())
-        self._labels = LabelSpool()
+        self._labels = LabelSpool(SCAN_COLUMNS)
         self._numbers: Counter[str] = Counter()
 
     def messages(self) -> Iterator[RawMessage]:

@@ -1,9 +1,9 @@
-"""Which fixes, messages, clouds and radar scans of an adversarial bag were attacked when, by vehicle."""
+"""Which fixes, messages, clouds, radar scans and images of a bag were attacked when, by vehicle."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from advpipe.pipeline.bag.window import WHOLE_DRIVE, Window
 from advpipe.pipeline.core.bounded_parquet import ColumnType, batches, rows
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS
+from advpipe.pipeline.labels.images import read_image_labels
 from advpipe.pipeline.labels.messages import read_labels
 from advpipe.pipeline.labels.scans import read_scan_labels
 from advpipe.pipeline.replay.recorded_filter import vehicles_with_filter
@@ -33,8 +34,8 @@ Int64 = npt.NDArray[np.int64]
 class AttackTimeline:
     """The attacks of one family on one vehicle.
 
-    attacks: their names. what: "fixes", "messages", "clouds" or "scans". times_ns: (N,) of each one,
-    ascending, N > 0.
+    attacks: their names. what: "fixes", "messages", "clouds", "scans" or "images". times_ns: (N,) of
+    each one, ascending, N > 0.
     """
 
     vehicle: str
@@ -57,7 +58,7 @@ def read_attack_timelines(
         _fixes(clean, reader, recorded, window.last_ns),
         _messages(reader, bag, recorded, window.end_ns),
     )
-    for one in (*fixes, *sent, *_clouds(bag), *_radar_scans(bag)):
+    for one in (*fixes, *sent, *_clouds(bag), *_radar_scans(bag), *_images(bag)):
         times_ns = one.times_ns[window.holds(one.times_ns)]
         if len(times_ns):
             found.setdefault(one.vehicle, []).append(replace(one, times_ns=times_ns))
@@ -124,15 +125,24 @@ def touched_returns(bag: Path, vehicle: str) -> dict[int, int]:
 
 
 def _radar_scans(bag: Path) -> Iterator[AttackTimeline]:
+    return _touched("scans", read_scan_labels(bag))
+
+
+def _images(bag: Path) -> Iterator[AttackTimeline]:
+    return _touched("images", read_image_labels(bag))
+
+
+def _touched(what: str, labels: Iterable[dict[str, Any]]) -> Iterator[AttackTimeline]:
+    """By vehicle, from the topic, stamp and attack of each label."""
     touched: dict[str, dict[tuple[str, int], None]] = {}
     names: dict[str, dict[str, None]] = {}
-    for row in read_scan_labels(bag):
+    for row in labels:
         vehicle = _vehicle(row["topic"])
         touched.setdefault(vehicle, {})[row["topic"], row["stamp_ns"]] = None
         names.setdefault(vehicle, {})[row["attack"]] = None
-    for vehicle, scans in sorted(touched.items()):
-        times_ns = np.array(sorted(stamp_ns for _, stamp_ns in scans), np.int64)
-        yield AttackTimeline(vehicle, tuple(names[vehicle]), "scans", times_ns)
+    for vehicle, messages in sorted(touched.items()):
+        times_ns = np.array(sorted(stamp_ns for _, stamp_ns in messages), np.int64)
+        yield AttackTimeline(vehicle, tuple(names[vehicle]), what, times_ns)
 
 
 def _cloud_rows(bag: Path) -> list[dict[str, Any]]:

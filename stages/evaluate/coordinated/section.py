@@ -34,7 +34,7 @@ FORMULAS = (
     ),
 )
 
-SINGLE = {"fixes": "fix", "messages": "message", "clouds": "cloud", "scans": "scan"}
+SINGLE = {"fixes": "fix", "messages": "message", "clouds": "cloud", "scans": "scan", "images": "image"}
 
 
 def coordinated_sections(
@@ -130,7 +130,7 @@ def _overview(lines: Sequence[tuple[str, ...]], outcomes: Sequence[tuple[str, ..
 
 
 def _has_several_families(bag: Path) -> bool:
-    """Whether a bag was attacked in several ways: fixes, messages, clouds, scans."""
+    """Whether a bag was attacked in several ways: fixes, messages, clouds, scans, images."""
     return len({one.family for one in BagReader(bag).provenance.fields.attacks}) > 1
 
 

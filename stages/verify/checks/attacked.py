@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_cameras import cameras_of
 from advpipe.pipeline.bag.recorded_radars import recorded_radars
 from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.core.frame_slice import FrameSlice
-from advpipe.pipeline.labels import fixes, scans
+from advpipe.pipeline.labels import fixes, images, scans
 from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import (
@@ -40,6 +41,7 @@ class AttackedBag:
         families = {attack.family for attack in self.attacks}
         self.has_clouds = "lidar" in families
         self.has_messages = bool(families - {"lidar"})
+        self.has_v2x = bool(families & {"v2x", "gnss"})  # messages carry what the receiver says
 
     @cached_property
     def on_messages(self) -> tuple[MessageAttack, ...]:
@@ -102,7 +104,10 @@ class AttackedBag:
             labelled = {row["topic"] for row in rows(self.table(scans.FILE), ["topic"])}
             touched = [one for one in recorded_radars(self.clean) if one.scan_topic in labelled]
             names |= {topic for one in touched for topic in (one.scan_topic, one.points_topic)}
-        if self.has_messages:
+        if self.table(images.FILE).is_file():
+            labelled = {row["topic"] for row in rows(self.table(images.FILE), ["topic"])}
+            names |= labelled & {one.image_topic for one in cameras_of(self.clean)}
+        if self.has_v2x:
             vehicles = {name.split("/")[1] for name in self.clean.topics if name.count("/") > 1}
             names |= {V2X_SENT.name, V2X_PACKETS.name, V2X_STATIONS.name, V2X_STATISTICS.name}
             for own in map(VehicleTopics, vehicles):

@@ -34,7 +34,7 @@ class CamsCheck(BagCheck):
         attacked = AttackedBag(self.bag, self.bag.parent)
         path = attacked.table(FILE)
         where = self.bag.subject.place(path)
-        if V2X_SENT.name not in attacked.clean.topics or not attacked.has_messages:
+        if V2X_SENT.name not in attacked.clean.topics or not attacked.has_v2x:
             return
         if not path.is_file():
             yield Fault(where, "is missing, though messages were attacked")

@@ -48,6 +48,7 @@ RESULTS: dict[str, tuple[list[str], str]] = {
 REFUSED = {
     "audit": ["audit", "{drive}"],  # without an attack
     "grid": ["grid", "{drive}/nowhere\x1b.yaml"],
+    "train-camera": ["train-camera", "{drive}/clean", "-o", "{out}/t\x1b"],  # without a camera
     "import": ["import", "kitti", "{drive}/nowhere\x1b", "-o", "{out}/i\x1b"],
     "demo": ["demo", "--no-browser", "-o", "{drive}"],
     "import-weights": ["import-weights", "{drive}/none.pth", "-o", "{out}/i.safetensors"],

@@ -32,6 +32,7 @@ FIRST_WORDS = {
     "export": (["d"], "exporting d as veremi ..."),
     "run": (["smoke"], "running smoke ..."),
     "train": (["d", "-o", "o"], "training a detector on d ..."),
+    "train-camera": (["d", "-o", "o"], "training an image detector on d ..."),
     "import-weights": (["w.pth", "-o", "w.safetensors"], "importing w.pth ..."),
     "share": (["d"], "sharing d ..."),
     "unpack": (["d.tar"], "unpacking d.tar ..."),

@@ -22,6 +22,7 @@ from advpipe.pipeline.messages.cloud import POINT_DTYPE, cloud_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.stages.train import run
 from advpipe.stages.train.config import Augmentation, TrainConfig
+from advpipe.stages.train.learning_rate import learning_rate
 
 
 def configured(drive: Path, out: Path, **changes: object) -> TrainConfig:
@@ -264,7 +265,7 @@ def test_a_failing_process_is_reported_in_one_line(drive, tiny, tmp_path, monkey
 
 def test_learning_rate_warms_up_and_decays():
     config = TrainConfig(bags=(Path("a"),), out=Path("b"), learning_rate=1.0, warmup=0.1)
-    rates = [run.learning_rate(step, 100, config) for step in (0, 5, 10, 55, 99)]
+    rates = [learning_rate(step, 100, config.learning_rate, config.warmup) for step in (0, 5, 10, 55, 99)]
     assert rates == pytest.approx([0.1, 0.55, 1.0, 0.5005, 0.0013], abs=1e-3)
 
 

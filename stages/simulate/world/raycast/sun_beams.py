@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.sensors.camera.long_rows import turned
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
@@ -23,7 +24,7 @@ class SunBeams:
         self._axes = np.stack([across, np.cross(towards, across), towards])
         # Near one of the points, so that single precision suffices.
         self._origin_m = points_m[:, 0].astype(np.float64) if points_m.size else np.zeros(3)
-        places = self._axes.astype(np.float32) @ (points_m - self._origin_m.astype(np.float32)[:, None])
+        places = turned(self._axes, points_m - self._origin_m.astype(np.float32)[:, None])
         first = places[0]
         self._low_m = float(first.min(initial=0.0))
         self._per_m = BINS / max(float(first.max(initial=0.0)) - self._low_m, 1e-3)

@@ -1,4 +1,4 @@
-"""Labels of radar scans on their way into a file: a long drive has more than memory should hold."""
+"""Labels on their way into a file: a long drive has more than memory should hold."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.labels.columns import arrow_schema
-from advpipe.pipeline.labels.scans import SCAN_COLUMNS
+from advpipe.pipeline.labels.columns import Columns, arrow_schema
 
 BATCH = 4096
 IN_MEMORY_BYTES = 1 << 22
 
 
 class LabelSpool:
-    """A table of `SCAN_COLUMNS` in a temporary file. actions: how many rows of each."""
+    """A table of labels in a temporary file. actions: how many rows of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, columns: Columns) -> None:
+        self._columns = columns
         self.actions: Counter[str] = Counter()
         self._waiting: list[Mapping[str, object]] = []
         self._file = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)  # noqa: SIM115  # closed by copy_to
@@ -44,7 +44,7 @@ class LabelSpool:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        schema = arrow_schema(SCAN_COLUMNS)
+        schema = arrow_schema(self._columns)
         if self._writer is None:
             self._writer = pq.ParquetWriter(pa.PythonFile(self._file, "w"), schema)
         self._writer.write_table(pa.Table.from_pylist(self._waiting, schema))

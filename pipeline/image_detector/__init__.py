@@ -1,0 +1,1 @@
+"""Detectors of road users in pictures."""

@@ -1,0 +1,1 @@
+"""What an image detector sees in clean and in attacked pictures."""

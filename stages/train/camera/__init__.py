@@ -1,0 +1,1 @@
+"""Trains an image detector on the pictures of drives."""

@@ -1,0 +1,443 @@
+"""Attacks on the cameras of a drive: what they change, what they label, what verify and evaluate say."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.messages.compressed_image import encoded_like, image_from_cdr, image_to_cdr, pixels_of
+from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+from advpipe.stages.attack.camera.base import CameraAttack, CameraTraits, whole_image
+from advpipe.stages.attack.run import AttackRequest, attack
+from advpipe.stages.evaluate.coordinated.attack_timeline import read_attack_timelines
+from advpipe.stages.evaluate.coordinated.section import coordinated_sections
+from advpipe.stages.verify.run import verify
+
+FRONT, REAR = "/ego/front/image/compressed", "/ego/rear/image/compressed"
+ALL = ("drop", "freeze", "delay", "blind", "patch")
+
+
+class Mirror(CameraAttack):
+    """Turns images around."""
+
+    traits = CameraTraits()
+
+    def __init__(self, *, limit: float = 1.0) -> None:
+        self.limit = limit
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        return {"pixel_share": (0, self.limit)}
+
+    def begin(self, rng: np.random.Generator, drive: Any) -> Any:
+        return lambda image, context: whole_image(image.with_rgb(image.rgb()[:, ::-1].copy()))
+
+
+def images(bag: Path, topic: str = FRONT) -> list[RawMessage]:
+    return list(BagReader(bag).raw_messages([topic]))
+
+
+def labels(bag: Path) -> list[dict[str, Any]]:
+    return pq.read_table(bag / "camera_labels.parquet").to_pylist()
+
+
+def rest(bag: Path, *but: str) -> Iterator[tuple[str, int, bytes]]:
+    reader = BagReader(bag)
+    for raw in reader.raw_messages([name for name in reader.topics if name not in but]):
+        yield raw.topic.name, raw.log_time_ns, raw.cdr
+
+
+def same(one: RawMessage, other: RawMessage) -> bool:
+    return (one.cdr, one.log_time_ns, one.publish_time_ns) == (
+        *(other.cdr, other.log_time_ns, other.publish_time_ns),
+    )
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_all_else_is_copied(name: str, camera_drive: Path) -> None:
+    """Depth, instances, boxes and the other camera too."""
+    assert list(rest(camera_drive / name, FRONT)) == list(rest(camera_drive / "clean", FRONT))
+
+
+def test_dropped_images_never_arrive(camera_drive: Path) -> None:
+    clean, found = images(camera_drive / "clean"), images(camera_drive / "drop")
+    assert len(clean) == 12
+    assert all(map(same, found, [*clean[:4], *clean[9:]]))
+    assert [(row["image"], row["action"]) for row in labels(camera_drive / "drop")] == [
+        (number, "dropped") for number in range(4, 9)
+    ]
+
+
+def test_a_frozen_picture_has_the_stamps_of_those_that_it_hides(camera_drive: Path) -> None:
+    clean = [image_from_cdr(raw.cdr) for raw in images(camera_drive / "clean")]
+    found = [image_from_cdr(raw.cdr) for raw in images(camera_drive / "freeze")]
+    assert [one.stamp_ns for one in found] == [one.stamp_ns for one in clean]
+    shown = [3 if 4 <= number < 9 else number for number in range(12)]
+    assert [one.file for one in found] == [clean[number].file for number in shown]
+    assert {row["source"] for row in labels(camera_drive / "freeze")} == {3}
+
+
+def test_delayed_images_keep_their_order(camera_drive: Path) -> None:
+    """Images 4 to 8, 0.25 s late each; the attack ends before 0.9 s, when image 9 brings the rest."""
+    clean, found = images(camera_drive / "clean"), images(camera_drive / "delay")
+    start_ns = clean[0].log_time_ns
+    assert [one.cdr for one in found] == [one.cdr for one in clean]
+    late_s = [
+        (after.log_time_ns - before.log_time_ns) / 1e9 for before, after in zip(clean, found, strict=True)
+    ]
+    assert late_s == pytest.approx([0] * 4 + [0.25, 0.25, 0.25, 0.2, 0.1] + [0] * 3)
+    assert sorted(one.log_time_ns for one in found) == [one.log_time_ns for one in found]
+    assert (found[8].log_time_ns - start_ns) / 1e9 == pytest.approx(0.9)
+    assert [row["delay_ns"] / 1e9 for row in labels(camera_drive / "delay")] == pytest.approx(late_s[4:9])
+
+
+def test_what_is_late_at_the_end_never_arrives(camera_drive: Path, tmp_path: Path) -> None:
+    spec = AttackSpec(
+        type="camera-delay", parameters={"delay_s": 0.3, "camera": "front"}, schedule=Schedule(from_s=0.5)
+    )
+    attack(camera_drive / "clean", tmp_path / "late", AttackRequest((spec,)))
+    actions = [(row["image"], row["action"]) for row in labels(tmp_path / "late")]
+    assert actions == [(n, "delayed") for n in range(5, 9)] + [(n, "dropped") for n in range(9, 12)]
+    shutil.copytree(camera_drive / "clean", tmp_path / "clean")
+    assert verify(tmp_path / "late").is_good
+
+
+def test_a_light_saturates_where_it_stands_and_veils_the_rest(camera_drive: Path) -> None:
+    """4 degrees left, 1 up: 228.5 tan(4 deg) = 16 pixels left, 4 up of the middle of 320 x 180."""
+    clean, found = (images(camera_drive / name) for name in ("clean", "blind"))
+    for number, (before, after) in enumerate(zip(clean, found, strict=True)):
+        if not 4 <= number < 9:
+            assert same(before, after)
+            continue
+        dark, bright = (pixels_of(image_from_cdr(raw.cdr).file).astype(float) for raw in (before, after))
+        row, column = 89.5 - 4.0, 159.5 - 16.0
+        assert bright[round(row) - 1 : round(row) + 2, round(column) - 1 : round(column) + 2].min() > 250
+        near = bright[60:110, 105:180].mean() - dark[60:110, 105:180].mean()
+        far = bright[:, 300:].mean() - dark[:, 300:].mean()
+        assert near > far + 10
+
+
+def test_exposure_follows_the_light(camera_drive: Path) -> None:
+    """What is far from the light grows darker from image to image."""
+    corner = [
+        pixels_of(image_from_cdr(raw.cdr).file)[150:, 250:].mean()
+        - pixels_of(image_from_cdr(plain.cdr).file)[150:, 250:].mean()
+        for plain, raw in zip(images(camera_drive / "clean"), images(camera_drive / "blind"), strict=True)
+    ]
+    assert corner[8] < corner[4] < 0
+
+
+def test_a_patch_changes_its_rectangle_alone(camera_drive: Path) -> None:
+    rows = {row["image"]: row for row in labels(camera_drive / "patch")}
+    assert set(rows) == set(range(4, 9))
+    clean, found = (images(camera_drive / name) for name in ("clean", "patch"))
+    for number, (before, after) in enumerate(zip(clean, found, strict=True)):
+        if number not in rows:
+            assert same(before, after)
+            continue
+        row = rows[number]
+        plain, painted = (pixels_of(image_from_cdr(raw.cdr).file).astype(int) for raw in (before, after))
+        apart = np.abs(plain - painted).max(axis=2)
+        inside = apart[row["top_px"] : row["bottom_px"] + 1, row["left_px"] : row["right_px"] + 1]
+        assert (inside > 25).mean() > 0.5
+        apart[
+            max(row["top_px"] - 16, 0) : row["bottom_px"] + 17,
+            max(row["left_px"] - 16, 0) : row["right_px"] + 17,
+        ] = 0
+        assert np.quantile(apart, 0.999) <= 10  # a JPEG of a JPEG
+        assert row["target"]
+        assert 12 <= row["pixels"] <= inside.size
+    print_px = pixels_of((camera_drive / "patch" / f"camera_patch_{rows[4]['target']}.png").read_bytes())
+    assert print_px.shape == (14 * 16, 24 * 16, 3)  # 0.7 m by 1.2 m in squares of 0.05 m
+
+
+def test_the_bags_verify(camera_drive: Path) -> None:
+    found = verify(camera_drive)
+    assert found.is_good, found.findings
+
+
+def _repaint(raw: RawMessage) -> bytes:
+    """The image with a corner painted black."""
+    image = image_from_cdr(raw.cdr)
+    rgb = pixels_of(image.file).copy()
+    rgb[:40, :40] = 0
+    return image_to_cdr(replace(image, file=encoded_like(rgb, image.file)))
+
+
+def _truncate(raw: RawMessage) -> bytes:
+    """The image with half of its file."""
+    image = image_from_cdr(raw.cdr)
+    return image_to_cdr(replace(image, file=image.file[: len(image.file) // 2]))
+
+
+def _restamp(raw: RawMessage) -> bytes:
+    """The image with a stamp that no image of the clean bag has."""
+    image = image_from_cdr(raw.cdr)
+    return image_to_cdr(replace(image, stamp_ns=image.stamp_ns + 1))
+
+
+def _forge(bag: Path, number: int, change: Callable[[RawMessage], bytes]) -> None:
+    """Change one image of a bag, and write the bag again."""
+    reader = BagReader(bag)
+    every = list(reader.raw_messages(list(reader.topics)))
+    provenance, beside = dict(reader.provenance), (bag / "camera_labels.parquet").read_bytes()
+    resolved = (bag / "attack.yaml").read_bytes()
+    shutil.rmtree(bag)
+    with BagWriter(bag, provenance=provenance) as writer:
+        (writer.folder / "camera_labels.parquet").write_bytes(beside)
+        (writer.folder / "attack.yaml").write_bytes(resolved)
+        count = -1
+        for raw in every:
+            count += raw.topic.name == FRONT
+            hit = raw.topic.name == FRONT and count == number
+            writer.copy(replace(raw, cdr=change(raw)) if hit else raw)
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "change", "what"),
+    [
+        ("patch", 1, _repaint, "image 1 of .* was changed without a label"),
+        ("patch", 5, _repaint, "image 5 of .* was painted on outside the rectangle of its label"),
+        ("freeze", 6, _repaint, "image 6 of .* shows something else than its labels say"),
+        ("delay", 5, _repaint, "image 5 of .* shows something else than its labels say"),
+        ("patch", 5, _truncate, "an image cannot be decompressed"),
+        ("patch", 5, _restamp, "holds an image at .* that is not of the clean bag"),
+    ],
+)
+def test_verify_finds_a_forged_image(
+    name: str,
+    number: int,
+    change: Callable[[RawMessage], bytes],
+    what: str,
+    camera_drive: Path,
+    tmp_path: Path,
+) -> None:
+    for each in ("clean", name):
+        shutil.copytree(camera_drive / each, tmp_path / each)
+    _forge(tmp_path / name, number, change)
+    found = [one.what for one in verify(tmp_path / name).findings if one.check == "images"]
+    assert found
+    assert re.search(what, " ".join(found)), found
+
+
+def test_verify_measures_how_large_a_patch_is(camera_drive: Path, tmp_path: Path) -> None:
+    """A bag whose attack declares less than the 1.2 m that it painted."""
+    for each in ("clean", "patch"):
+        shutil.copytree(camera_drive / each, tmp_path / each)
+    row = labels(tmp_path / "patch")[0]
+    wider = row["right_px"] + round(0.6 * (row["right_px"] - row["left_px"]))
+    path = tmp_path / "patch" / "camera_labels.parquet"
+    table = pq.read_table(path)
+    rows = table.to_pylist()
+    rows[0]["right_px"] = wider
+    pq.write_table(pa.Table.from_pylist(rows, table.schema), path)
+    (found,) = [one.what for one in verify(tmp_path / "patch").findings if one.check == "images"]
+    assert re.search(
+        r"exceeds the bounds of camera-patch: diagonal of what was painted on a road user", found
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "what"),
+    [
+        ("drop", lambda row: None, "is missing without a label"),
+        ("drop", lambda row: {**row, "attack": "camera-blind"}, "of camera-blind, which was not active"),
+        ("drop", lambda row: {**row, "image": 10}, "missing without a label|labelled as dropped"),
+        ("freeze", lambda row: {**row, "source": 2}, "shows something else"),
+        ("freeze", lambda row: {**row, "source": 99}, "names no other image"),
+        ("delay", lambda row: {**row, "delay_ns": 1}, "ns late, but labelled with 1"),
+        ("blind", lambda row: {**row, "action": "dazzled"}, "unknown action dazzled"),
+        ("blind", lambda row: {**row, "stamp_ns": row["stamp_ns"] + 1}, "with another stamp"),
+        ("patch", lambda row: {**row, "right_px": 5000}, "outside the image"),
+        ("patch", lambda row: {**row, "left_px": None}, "without its place"),
+        ("patch", lambda row: {**row, "pixels": 10**6}, "does not hold as many"),
+        ("patch", lambda row: {**row, "action": "dropped"}, "labelled as dropped"),
+        ("patch", lambda row: {**row, "topic": REAR}, "changed without a label|do not hold|of another"),
+    ],
+)
+def test_verify_finds_labels_that_are_wrong(
+    name: str, damage: Any, what: str, camera_drive: Path, tmp_path: Path
+) -> None:
+    for each in ("clean", name):
+        shutil.copytree(camera_drive / each, tmp_path / each)
+    path = tmp_path / name / "camera_labels.parquet"
+    table = pq.read_table(path)
+    rows = table.to_pylist()
+    last = damage(rows[-1])
+    pq.write_table(pa.Table.from_pylist(rows[:-1] + ([last] if last else []), table.schema), path)
+    found = [one.what for one in verify(tmp_path / name).findings if one.check == "images"]
+    assert found
+    assert re.search(what, " ".join(found)), found
+
+
+def test_same_seed_same_bytes(camera_drive: Path, tmp_path: Path) -> None:
+    spec = AttackSpec(type="camera-patch", parameters={"camera": "front", "pattern": "random"})
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        attack(camera_drive / "clean", tmp_path / name, AttackRequest((spec,), seed=seed))
+    a, b, c = ([one.cdr for one in images(tmp_path / name)] for name in "abc")
+    assert a == b != c
+    assert labels(tmp_path / "a") == labels(tmp_path / "b")
+
+
+def test_a_found_texture_hides_the_vehicle_better_than_random_ones(
+    camera_drive: Path, tmp_path: Path
+) -> None:
+    """By a detector of one's own, in the bags."""
+    import torch
+    from red_detector import RedDetector
+
+    detector = RedDetector()
+    means = {}
+    for pattern in ("adversarial", "random", "random-best"):
+        own = {"camera": "front", "pattern": pattern, "image_detector": "red_detector:RedDetector"}
+        spec = AttackSpec(type="camera-patch", parameters={**own, "steps": 40, "learning_rate": 0.2})
+        attack(camera_drive / "clean", tmp_path / pattern, AttackRequest((spec,)))
+        found, scores = images(tmp_path / pattern), []
+        for row in labels(tmp_path / pattern):
+            rgb = pixels_of(image_from_cdr(found[row["image"]].cdr).file)
+            edges = torch.tensor([[row[f"{edge}_px"] for edge in ("left", "top", "right", "bottom")]]).float()
+            image = torch.from_numpy(rgb.copy()).permute(2, 0, 1).float() / 255
+            scores.append(float(detector.objectness(image, edges, torch.tensor([0]))[0]))
+        means[pattern] = np.mean(scores)
+    assert means["adversarial"] < means["random-best"] - 0.1
+    assert means["random-best"] <= means["random"] + 0.02
+
+
+def test_cameras_and_gps_are_attacked_at_the_same_moment(camera_drive: Path, tmp_path: Path) -> None:
+    """A coordinated attack is on one time axis, in the bag and in the report."""
+    schedule = Schedule(from_s=0.4, to_s=0.9)
+    specs = (
+        AttackSpec(type="gnss-bias", victim="ego", schedule=schedule),
+        AttackSpec(type="camera-freeze", victim="ego", schedule=schedule, parameters={"camera": "front"}),
+    )
+    clean, bag = camera_drive / "clean", tmp_path / "both"
+    attack(clean, bag, AttackRequest(specs))
+    fixes, of_camera = read_attack_timelines(BagReader(clean), bag)["ego"]
+    assert (fixes.what, of_camera.what) == ("fixes", "images")
+    assert of_camera.attacks == ("camera-freeze",)
+    assert set(of_camera.times_ns) <= set(fixes.times_ns)
+    (section,) = coordinated_sections(clean, [bag])
+    (record,) = section.records
+    row = record.record()
+    assert row["attacks"]["images"] == ("camera-freeze",)
+    assert row["attacked_images"] == len(of_camera.times_ns) == 5
+
+
+def test_two_attacks_act_one_after_the_other(camera_drive: Path, tmp_path: Path) -> None:
+    """What is mirrored is then frozen; both are labelled, and verify follows them."""
+    specs = (
+        AttackSpec(type=f"{__name__}:Mirror", victim="ego", schedule=Schedule(from_s=0.2)),
+        AttackSpec(
+            type="camera-delay", parameters={"camera": "front", "delay_s": 0.1}, schedule=Schedule(to_s=0.6)
+        ),
+        AttackSpec(type="camera-drop", parameters={"camera": "rear"}, schedule=Schedule(from_s=0.5)),
+    )
+    shutil.copytree(camera_drive / "clean", tmp_path / "clean")
+    attack(tmp_path / "clean", tmp_path / "both", AttackRequest(specs))
+    found = labels(tmp_path / "both")
+    actions = {topic: {row["image"]: [] for row in found if row["topic"] == topic} for topic in (FRONT, REAR)}
+    for row in found:
+        actions[row["topic"]][row["image"]].append(row["action"])
+    assert actions[FRONT][3] == ["painted", "delayed"]
+    assert actions[FRONT][1] == ["delayed"]
+    assert actions[REAR][3] == ["dropped"]
+    result = verify(tmp_path / "both")
+    assert result.is_good, result.findings
+
+
+@pytest.mark.parametrize(
+    ("keys", "what"),
+    [
+        (
+            {"type": "camera-drop", "parameters": {"probability": 2.0}},
+            "camera-drop: probability is 2.0; it takes",
+        ),
+        ({"type": "camera-delay", "parameters": {"delay_s": 0.0}}, "delay_s is 0.0; it takes"),
+        ({"type": "camera-blind", "parameters": {"power_w": -1.0}}, "power_w is -1.0; it takes"),
+        (
+            {"type": "camera-patch", "parameters": {"pattern": "randon"}},
+            "pattern is 'randon'; did you mean 'random'",
+        ),
+        ({"type": "camera-patch", "parameters": {"width_m": 50.0}}, "width_m is 50.0; it takes"),
+        (
+            {"type": "camera-drop", "parameters": {"camera": "frnt"}},
+            "ego has no camera 'frnt'; did you mean 'front'",
+        ),
+        ({"type": "camera-drop", "victim": "bus"}, "bus has no camera in"),
+        ({"type": "camera-drop", "recipe": "best"}, "camera-drop has no use for recipe"),
+        ({"type": "camera-drop", "schedule": {"from_s": 50}}, "begins at 50 s, but the recording ends"),
+        (
+            {
+                "type": "camera-patch",
+                "parameters": {"camera": "front", "pattern": "random", "target": "nobody"},
+            },
+            "shows the rear of nobody",
+        ),
+        (
+            {"type": "camera-patch", "parameters": {"camera": "front", "image_detector": "large"}},
+            "unknown image detector 'large'",
+        ),
+        (
+            {
+                "type": "camera-patch",
+                "parameters": {"camera": "front", "image_detector": "red_detector:Blind"},
+            },
+            "has no objectness",
+        ),
+        (
+            {
+                "type": "camera-patch",
+                "parameters": {"camera": "front", "image_detector": "red_detector:Broken"},
+            },
+            "red_detector:Broken failed: ZeroDivisionError: integer division or modulo by zero (red_",
+        ),
+        (
+            {"type": f"{__name__}:Mirror", "parameters": {"limit": 0.5}},
+            "went beyond its bounds: share of an image",
+        ),
+    ],
+)
+def test_mistakes_are_one_line(keys: dict[str, Any], what: str, camera_drive: Path, tmp_path: Path) -> None:
+    with pytest.raises(AdvpipeError) as error:
+        attack(camera_drive / "clean", tmp_path / "out", AttackRequest((AttackSpec.model_validate(keys),)))
+    assert what in str(error.value)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_patch_needs_depth(camera_drive: Path, tmp_path: Path) -> None:
+    reader = BagReader(camera_drive / "clean")
+    kept = [name for name in reader.topics if name != "/ego/rear/depth/compressed"]
+    with BagWriter(tmp_path / "clean", provenance=dict(reader.provenance)) as writer:
+        for raw in reader.raw_messages(kept):
+            writer.copy(raw)
+    spec = AttackSpec(type="camera-patch", parameters={"pattern": "random"})
+    with pytest.raises(UsageError, match=r"has no /ego/rear/depth/compressed; record the camera with"):
+        attack(tmp_path / "clean", tmp_path / "out", AttackRequest((spec,)))
+
+
+def test_all_cameras_see_one_print(camera_drive: Path, tmp_path: Path) -> None:
+    """Of the vehicle ahead, which the rear camera does not show."""
+    spec = AttackSpec(type="camera-patch", parameters={"pattern": "random"})
+    attack(camera_drive / "clean", tmp_path / "both", AttackRequest((spec,)))
+    assert len(list((tmp_path / "both").glob("camera_patch_*.png"))) == 1
+    assert {row["topic"] for row in labels(tmp_path / "both")} == {FRONT}
+    assert all(map(same, images(tmp_path / "both", REAR), images(camera_drive / "clean", REAR)))
+
+
+def test_a_bag_without_cameras_is_refused(clean_bag: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="has no camera"):
+        attack(clean_bag, tmp_path / "out", AttackRequest((AttackSpec(type="camera-drop"),)))
