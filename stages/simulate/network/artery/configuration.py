@@ -90,7 +90,7 @@ def write_configuration(
         "**.vector-recording = false",
         "*.traci.core.version = -1",
         "*.traci.core.selfStopping = false",
-        '*.traci.launcher.typename = "ConnectLauncher"',
+        '*.traci.launcher.typename = "advpipe.PatientLauncher"',
         f'*.traci.launcher.hostname = "{sumo[0]}"',
         f"*.traci.launcher.port = {sumo[1]}",
         f"*.traci.launcher.clientId = {order}",

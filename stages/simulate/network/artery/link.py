@@ -18,12 +18,12 @@ from advpipe.stages.simulate.network.artery.records import (
     RecordParser,
     StepBegun,
     StepDone,
+    VehicleAnswer,
     VehicleQuestion,
 )
 
 LOCALHOST = "127.0.0.1"
 POLL_S = 0.2
-YES = b"yes"
 
 
 class ArteryLink:
@@ -33,11 +33,11 @@ class ArteryLink:
     thread therefore kills an Artery that hangs, whereupon SUMO ends; to a SUMO that still waits for its
     second client, it poses as that client, and leaves. `failure` is then the reason.
 
-    has_station: whether a vehicle has a station. timeout_s: longest time for the start, and for one step.
+    station_of: whether a vehicle has a station. timeout_s: longest time for the start, and for one step.
     """
 
-    def __init__(self, has_station: Callable[[VehicleQuestion], bool], timeout_s: float) -> None:
-        self._has_station, self._timeout_s = has_station, timeout_s
+    def __init__(self, station_of: Callable[[VehicleQuestion], VehicleAnswer], timeout_s: float) -> None:
+        self._station_of, self._timeout_s = station_of, timeout_s
         self._listener = socket.create_server((LOCALHOST, 0))
         self.port = int(self._listener.getsockname()[1])
         self.clock = DriveClock()
@@ -163,7 +163,7 @@ class ArteryLink:
 
     def _take(self, record: Record, connection: socket.socket) -> None:
         if isinstance(record, VehicleQuestion):
-            _answer(connection, YES if self._has_station(record) else b"")
+            _answer(connection, self._station_of(record).value)
             return
         if isinstance(record, StepBegun):
             _answer(connection, self.clock.begin_step(record.time_ns))

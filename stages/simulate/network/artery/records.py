@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
+from enum import Enum
 from typing import NamedTuple
 
 from advpipe.pipeline.core.errors import AdvpipeError
@@ -39,8 +40,17 @@ class StepDone(NamedTuple):
     time_ns: int
 
 
+class VehicleAnswer(Enum):
+    """Whether a vehicle has a station, and one that is there when the drive begins within the first second,
+    or at once."""
+
+    NO_STATION = b""
+    STATION = b"yes"
+    STATION_AT_ONCE = b"now"
+
+
 class VehicleQuestion(NamedTuple):
-    """Whether a vehicle has a station; an answer of any text says yes. type, vclass: SUMO's."""
+    """Whether a vehicle has a station, which `VehicleAnswer` tells. type, vclass: SUMO's."""
 
     vehicle: str
     type: str

@@ -17,7 +17,7 @@ from advpipe.stages.simulate.network.artery.georeference import georeferenced
 from advpipe.stages.simulate.network.artery.link import ArteryLink
 from advpipe.stages.simulate.network.artery.network import ArteryNetwork
 from advpipe.stages.simulate.network.artery.process import ArteryProcess, artery_program
-from advpipe.stages.simulate.network.artery.records import VehicleQuestion
+from advpipe.stages.simulate.network.artery.records import VehicleAnswer, VehicleQuestion
 from advpipe.stages.simulate.network.equipment import Equipment
 from advpipe.stages.simulate.network.protocol import Network
 from advpipe.stages.simulate.network.session import NetworkSession
@@ -57,7 +57,7 @@ class ArterySession(NetworkSession):
         self._process: ArteryProcess | None = None
 
     def __enter__(self) -> ArterySession:
-        self._link = ArteryLink(self._has_station, self.scenario.artery.timeout_s)
+        self._link = ArteryLink(self._station_of, self.scenario.artery.timeout_s)
         try:
             write_configuration(
                 self.scenario, self._folder, sumo=self._sumo, order=ARTERYS_TURN, port=self._link.port
@@ -96,13 +96,16 @@ class ArterySession(NetworkSession):
         if self._link is not None:
             self._link.close()
 
-    def _has_station(self, question: VehicleQuestion) -> bool:
+    def _station_of(self, question: VehicleQuestion) -> VehicleAnswer:
         """A vehicle of ours has a type by the name of its variant; of one of the user's, the class counts."""
         if (variant := self._variants.get(question.type)) is not None:
             can_have_one = variant.body.station_type is not None
         else:
             can_have_one = question.vclass not in WITHOUT_STATION
-        return self._equipment.has_station(question.vehicle, can_have_one)
+        if not self._equipment.has_station(question.vehicle, can_have_one):
+            return VehicleAnswer.NO_STATION
+        is_instrumented = question.vehicle in self.scenario.vehicles
+        return VehicleAnswer.STATION_AT_ONCE if is_instrumented else VehicleAnswer.STATION
 
 
 def _shared_server(wanted: SumoServer) -> tuple[tuple[str, int], SumoServer]:

@@ -113,7 +113,9 @@ void NodeManager::traciStep()
         mHasBegun = true;
         sDate = answer;
         for (auto& waiting : mWaiting) {
-            waiting.second = simTime() + uniform(0.0, par("switchOnWithin"));
+            if (waiting.second == SIMTIME_MAX) {
+                waiting.second = simTime() + uniform(0.0, par("switchOnWithin"));
+            }
         }
     }
     for (auto waiting = mWaiting.begin(); mHasBegun && waiting != mWaiting.end();) {
@@ -130,12 +132,14 @@ void NodeManager::traciStep()
 void NodeManager::addVehicle(const std::string& id)
 {
     auto& vehicle = getAPI()->vehicle;
-    if (mLink.ask(Record('A').text(id).text(vehicle.getTypeID(id)).text(vehicle.getVehicleClass(id))).empty()) {
+    const Record question = Record('A').text(id).text(vehicle.getTypeID(id)).text(vehicle.getVehicleClass(id));
+    const auto answer = mLink.ask(question);
+    if (answer.empty()) {
         return;
     } else if (mHasBegun) {
         BasicNodeManager::addVehicle(id);
     } else {
-        mWaiting[id] = SIMTIME_MAX;
+        mWaiting[id] = answer == "now" ? SIMTIME_ZERO : SIMTIME_MAX;
     }
 }
 
