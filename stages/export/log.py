@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_source import read_source
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.core.partial import FolderKind, staged_folder
 from advpipe.pipeline.core.plain_json import load_json
@@ -33,13 +34,16 @@ def holds_log(bag: Path) -> bool:
 def export_log(bag: Path, out: Path, *, overwrite: bool = False) -> ExportedLog:
     """Write the log that a bag was imported from as the folder `out`.
 
-    VeReMi's lines have their bytes; NextGen's records their keys and values, in lists of JSON. Raises
-    UsageError for a bag without a log, AdvpipeError for one that lacks records.
+    VeReMi's lines have their bytes; NextGen's records their keys and values, in lists of JSON. Attackers
+    whose own records were not imported have an empty file, whose name says what they do. Raises UsageError
+    for a bag without a log, AdvpipeError for one that lacks records.
     """
     if not holds_log(bag):
         raise UsageError(f"{bag} was not imported from a log of beacons: it has no {BEACONS.name}")
     records = sorted(_records(bag))
-    files: dict[str, list[str]] = {}
+    source = read_source(bag)
+    attackers = () if source is None else source.attacker_files
+    files: dict[str, list[str]] = {_checked_name(bag, name): [] for name in attackers}
     for name, place, text in records:
         lines = files.setdefault(name, [])
         if place != len(lines):
@@ -54,9 +58,14 @@ def export_log(bag: Path, out: Path, *, overwrite: bool = False) -> ExportedLog:
 
 def _records(bag: Path) -> Iterator[tuple[str, int, str]]:
     for _, message in BagReader(bag).messages(BEACONS.name):
-        if PurePosixPath(message.file).name != message.file or message.file in ("", ".", "..", EXPORT_MARK):
-            raise AdvpipeError(f"{bag}: {BEACONS.name} names the file {message.file[:40]!r}; import it again")
-        yield message.file, int(message.place), message.text
+        yield _checked_name(bag, message.file), int(message.place), message.text
+
+
+def _checked_name(bag: Path, name: str) -> str:
+    """The name of a file in the export's folder. Raises AdvpipeError for one that leads elsewhere."""
+    if PurePosixPath(name).name != name or name in ("", ".", "..", EXPORT_MARK):
+        raise AdvpipeError(f"{bag}: {BEACONS.name} names the file {name[:40]!r}; import it again")
+    return name
 
 
 def _content(name: str, lines: list[str]) -> str:

@@ -27,6 +27,8 @@ class LogLabels:
     NextGen: each record has it. VeReMi: the attackerType of what was truly sent or, where the log does not
     have it, the number in the name of the sender's own file, by which all messages of an attacker are false.
     Received copies of a message share a number, where the log says the same of them.
+
+    attacker_files: one file of each attacker without imported records, whose name alone says that it attacks.
     """
 
     def __init__(self, form: str, source: Path, records: Sequence[BeaconRecord]) -> None:
@@ -36,11 +38,16 @@ class LogLabels:
             for record in records
             if record.kind == TRUTH and record.attacker >= 0
         }
-        self._by_sender = {
-            found[0]: found[1]
-            for file in {record.file for record in records} | _siblings(form, source)
-            if form != "nextgen" and (found := attack_of_file(file, form)) is not None
-        }
+        imported = {record.file for record in records}
+        self._by_sender: dict[str, int] = {}
+        others: dict[str, str] = {}
+        for file in (*sorted(_siblings(form, source) - imported), *sorted(imported)):
+            if form != "nextgen" and (found := attack_of_file(file, form)) is not None:
+                sender, self._by_sender[sender] = found
+                others[sender] = file
+        self.attacker_files = [
+            file for sender, file in others.items() if self._by_sender[sender] and file not in imported
+        ]
         self._numbers: dict[_Key, int] = {}
         self._names = _attack_names(source)
         for record in records:

@@ -89,7 +89,7 @@ def import_log(request: ImportRequest, out: Path, *, overwrite: bool = False) ->
     with as_usage_error():
         records = sorted(track(_records(request), READING), key=lambda record: record.stamp_ns)
     labels = LogLabels(request.form, request.source, records)
-    description = _description(request)
+    description = _description(request, labels)
     text = yaml.safe_dump(description, sort_keys=False, allow_unicode=True)
     provenance = imported_provenance(description["name"], text)
     with staged_folder(out, overwrite, LOG_DATA_SET) as folder:
@@ -176,7 +176,8 @@ def vehicle_name(receiver: str) -> str:
     return plain if plain[:1].isalpha() else f"vehicle_{plain}"
 
 
-def _description(request: ImportRequest) -> dict[str, Any]:
+def _description(request: ImportRequest, labels: LogLabels) -> dict[str, Any]:
+    attackers = {"attacker_files": labels.attacker_files} if labels.attacker_files else {}
     return {
         "form": request.form,
         "name": escape_unprintable(request.source.resolve().name),
@@ -185,6 +186,7 @@ def _description(request: ImportRequest) -> dict[str, Any]:
         "citation": CITATIONS[request.form],
         "notes": list(LOSSES),
         "options": {"drive": request.options.drive} if request.options.drive else {},
+        **attackers,
     }
 
 

@@ -65,6 +65,7 @@ def test_nothing_of_the_log_is_lost(form: str, write: Write, tmp_path: Path) -> 
     assert written.records == sum(len(each) for each in values_in(source).values())  # type: ignore[arg-type]
     again = imported(form, tmp_path / "again", tmp_path / "twice")
     assert (again.received, again.receivers) == (found.received, found.receivers) == (2 * STEPS, 1)
+    assert again.false == found.false > 0
 
 
 @ALL
