@@ -23,6 +23,7 @@ from advpipe.commands.attackers import attackers_section
 from advpipe.pipeline.campaigns.relay.settings import load_relay_settings
 from advpipe.pipeline.cli import app
 from advpipe.pipeline.cli.attack import given_parameters
+from advpipe.pipeline.cli.simulate import DEFAULT
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.registry import default_budget
@@ -64,8 +65,10 @@ def parse(arguments: list[str]) -> None:
     given = COMMANDS.commands[name].make_context(name, rest).params  # type: ignore[attr-defined]
     if name == "attack":
         check_attack(given)
-    elif name in ("simulate", "run") and given["scenario"] in shipped():
-        load_scenario(given["scenario"], [each for each in given["settings"] or () if ".xodr" not in each])
+    elif name in ("simulate", "run"):
+        names = given["scenarios"] or [DEFAULT] if name == "simulate" else [given["scenario"]]
+        for scenario in shipped().intersection(names):
+            load_scenario(scenario, [each for each in given["settings"] or () if ".xodr" not in each])
 
 
 def shipped() -> set[str]:

@@ -134,6 +134,7 @@ def test_nothing_is_missed_by_quick_subscribers_of_quick_topics(
     publisher.advertise(PublishedTopic(words, schema_text(words.type)))
     with dds_subscriber(domain, ("rt/words", "string", "reliable")) as seen:
         wait_for_subscribers(publisher, "/words")
+        time.sleep(1)  # the other end has to find the publisher, too
         for number in range(600):
             publisher.publish("/words", serialise(string(str(number)), words.type), 0)
             time.sleep(0.005)
