@@ -283,7 +283,7 @@ def test_unknown_attacks(attack, line):
         ("OtherTraits", "OtherTraits: traits are GnssTraits, not LidarTraits"),
         (
             "NoFamily",
-            "NoFamily is not an attack; let it inherit from LidarAttack, V2xAttack, GnssAttack, RadarAttack or",
+            "NoFamily is not an attack; let it inherit from LidarAttack, V2xAttack, GnssAttack, RadarAttack",
         ),
     ],
 )
