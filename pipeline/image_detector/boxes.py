@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-SAME_OBJECT = 0.6
+SAME_OBJECT = 0.5
 """IoU from which on two boxes of one class are taken for the same object."""
 
 

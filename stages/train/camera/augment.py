@@ -59,7 +59,8 @@ def _place(
     corner = rng.uniform(np.minimum(limit, 0), np.maximum(limit, 0))
     sought = np.flatnonzero(objects.is_learned)
     if len(sought) and rng.random() < settings.focused:
-        weights = class_weights[objects.labels[sought]]
+        sides = objects.boxes_px[sought, 2:] - objects.boxes_px[sought, :2]
+        weights = class_weights[objects.labels[sought]] * np.sqrt(sides.prod(axis=1) + 1.0)
         chosen = objects.boxes_px[rng.choice(sought, p=weights / weights.sum())]
         middle = (chosen[:2] + chosen[2:]) / 2 + rng.uniform(-0.35, 0.35, 2) * size
         corner = np.clip(middle - size / 2, np.minimum(limit, 0), np.maximum(limit, 0))

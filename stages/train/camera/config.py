@@ -16,7 +16,8 @@ class ImageAugmentation:
     """How a picture is changed before it is learned from.
 
     size_px: width and height of the section that is learned from. scale: least and most enlargement. focused:
-    share of sections that are laid around an object, rare classes more often; the others lie anywhere.
+    share of sections that are laid around an object, rare classes and large ones more often; the others lie
+    anywhere.
     flip: whether half of them are mirrored. light, colour, contrast: largest relative change.
     """
 

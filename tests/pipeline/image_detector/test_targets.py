@@ -8,7 +8,7 @@ import torch
 
 from advpipe.pipeline.image_detector.loss import box_loss, losses, score_loss
 from advpipe.pipeline.image_detector.network import Cells, cell_boxes_px
-from advpipe.pipeline.image_detector.network_detector import decode
+from advpipe.pipeline.image_detector.network_detector import Proposals, decode
 from advpipe.pipeline.image_detector.targets import PictureObjects, targets_of
 
 BOXES = np.array([[8, 8, 71, 39], [100, 20, 111, 59], [30, 10, 45, 25]], np.float32)
@@ -29,7 +29,7 @@ def test_the_middle_of_each_object_is_its_highest_cell() -> None:
 
 
 def test_a_perfect_head_gives_the_objects_back() -> None:
-    found = decode(perfect(OBJECTS), 0.9)
+    found = decode(Proposals.of(perfect(OBJECTS)), 0.9)
     assert {(*box, label) for box, label in zip(found.boxes_px.tolist(), found.labels, strict=True)} == {
         (*box, label) for box, label in zip(BOXES.tolist(), OBJECTS.labels, strict=True)
     }
