@@ -38,7 +38,16 @@ MESSAGES = (
     "pipeline/localisation",
     "pipeline/scenario",
     "pipeline/core/seeding.py",
-    "pipeline/sensors/camera",
+    *(
+        f"pipeline/image_detector/{name}.py"
+        for name in ("boxes", "checkpoint", "network", "network_detector", "protocol", "registry")
+    ),
+    *(
+        f"pipeline/sensors/camera/{name}.py"
+        for name in ("daylight", "exposure", "haze", "lens", "palette", "presets", "section", "sky_map")
+    ),
+    "pipeline/sensors/lidar/atmosphere.py",
+    "pipeline/sensors/lidar/intensity.py",
     "pipeline/sensors/radar",
     "pipeline/sensors/weather.py",
     "pipeline/sensors/world.py",

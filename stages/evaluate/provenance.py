@@ -56,6 +56,7 @@ REPORTING = (
     "pipeline/localisation",
     "pipeline/misbehaviour",
     "pipeline/scenario/attacks.py",
+    "pipeline/sensors/camera/lens.py",
     "pipeline/sensors/radar",
     "pipeline/sensors/world.py",
     "pipeline/v2x",

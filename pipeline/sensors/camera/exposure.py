@@ -90,6 +90,7 @@ class Exposure:
     def _follow(self, radiance: Float32) -> float:
         """The exposure in 1/(kcd/m^2), on its way from the last one to that of this picture."""
         rows = radiance[1, radiance.shape[1] // 6 :: 4, ::4]
+        rows = rows[rows > 0] if (rows > 0).any() else rows  # beside a fisheye's image circle is nothing
         wanted = float(np.log(KEY) - np.log(np.maximum(rows, 1e-5)).mean())
         last = wanted if self._log_exposure is None else self._log_exposure
         self._log_exposure = last + self._speed * (wanted - last)

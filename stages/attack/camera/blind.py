@@ -20,6 +20,7 @@ from advpipe.stages.attack.camera.base import (
     whole_image,
 )
 from advpipe.stages.attack.camera.glare import Glare, Light
+from advpipe.stages.attack.camera.scene_light import log_mean
 
 EXPOSURE_SPEED = 0.35
 """Share of the way to the exposure that a picture needs which one image goes: the default of our cameras."""
@@ -85,13 +86,7 @@ class CameraBlind(CameraAttack):
             passed = float(around.transmittance(np.array(self.distance_m)))
             added = glare.luminance(light.illuminance_klx * passed)
             dazzled = before + added * np.float32(around.usual_exposure(before))
-            log_gain += EXPOSURE_SPEED * (_log_mean(before) - _log_mean(dazzled) - log_gain)
+            log_gain += EXPOSURE_SPEED * (log_mean(before) - log_mean(dazzled) - log_gain)
             return whole_image(image.with_rgb(levels_of(dazzled * np.float32(np.exp(log_gain)))))
 
         return blind
-
-
-def _log_mean(signal: np.ndarray) -> float:
-    """Of what auto-exposure measures of a signal (H, W, 3)."""
-    rows = signal[signal.shape[0] // 6 :: 4, ::4, 1]
-    return float(np.log(np.maximum(rows, 1e-4)).mean())

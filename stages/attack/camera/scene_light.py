@@ -25,6 +25,9 @@ Float64 = npt.NDArray[np.float64]
 SKY_S = 60
 """How long one sky serves, as in cameras."""
 
+DARKEST = 5e-4
+"""Signals up to it are black."""
+
 MIDDLE_GREY = 0.18
 """Mean reflectance of scenes, where nothing of known reflectance is in view."""
 
@@ -79,9 +82,16 @@ class Illumination:
 
     def usual_exposure(self, signal: npt.NDArray[np.float32]) -> float:
         """The exposure in 1/(kcd/m^2) of a signal (H, W, 3), if its scene is as bright as scenes are."""
-        rows = signal[signal.shape[0] // 6 :: 4, ::4, 1]
-        mean = float(np.exp(np.log(np.maximum(rows, 1e-4)).mean()))
-        return mean / (MIDDLE_GREY * float(self.white(np.array([0.0, 0.0, 1.0]), True)[1]))
+        white = float(self.white(np.array([0.0, 0.0, 1.0]), True)[1])
+        return float(np.exp(log_mean(signal))) / (MIDDLE_GREY * white)
+
+
+def log_mean(signal: npt.NDArray[np.float32]) -> float:
+    """Of a signal (H, W, 3), as auto-exposure measures it: without what is black, as beside a fisheye's image
+    circle."""
+    rows = signal[signal.shape[0] // 6 :: 4, ::4, 1]
+    seen = rows[rows > DARKEST]
+    return float(np.log(seen).mean()) if len(seen) else float(np.log(DARKEST))
 
 
 class SceneLight:

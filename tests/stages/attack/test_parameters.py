@@ -281,7 +281,10 @@ def test_unknown_attacks(attack, line):
         ("NotBegun", "NotBegun is incomplete: it lacks begin; see its base class"),
         ("NoTraits", "NoTraits inherits the traits of its parent; define its own"),
         ("OtherTraits", "OtherTraits: traits are GnssTraits, not LidarTraits"),
-        ("NoFamily", "NoFamily is not an attack; let it inherit from LidarAttack, V2xAttack, GnssAttack or"),
+        (
+            "NoFamily",
+            "NoFamily is not an attack; let it inherit from LidarAttack, V2xAttack, GnssAttack, RadarAttack",
+        ),
     ],
 )
 def test_what_does_not_declare_itself_is_refused(name, line):

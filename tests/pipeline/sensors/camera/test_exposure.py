@@ -21,6 +21,15 @@ def test_day_and_dusk_are_equally_bright() -> None:
     assert developed(2.0, exposure_compensation=1.0).mean() > developed(2.0).mean() + 20
 
 
+def test_what_is_beside_the_image_circle_does_not_count() -> None:
+    radiance = np.full((3, 60, 80), 2.0, np.float32)
+    radiance[:, :, 40:] = 0.0
+    camera = CameraSensor.model_validate({"noise": 0.0})
+    half = Exposure(camera, np.random.default_rng(0)).develop(radiance, np.random.default_rng(0))
+    assert np.array_equal(half[:, :40], developed(2.0)[:, :40])
+    assert not half[:, 40:].any()
+
+
 def test_it_follows_the_light_slowly() -> None:
     camera = CameraSensor.model_validate({"noise": 0.0, "exposure_speed": 0.5})
     exposure = Exposure(camera, np.random.default_rng(0))
