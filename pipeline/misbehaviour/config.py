@@ -75,6 +75,12 @@ THRESHOLDS: Mapping[str, float] = MappingProxyType(
 NEED_ROADS = ("position", "wrong_way")
 """Checks that are off where the receiver has no road map."""
 
+OF_ACCELERATION = ("acceleration", "impulse", "dynamics")
+"""Checks that say nothing about where a station is."""
+
+GRIP_MPS2 = 9.81
+"""Tyres on a dry road brake no harder (a friction of 1): faster changes of speed are not a hard braking."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
@@ -118,7 +124,9 @@ class DetectorConfig:
     settle_s: time after the first message in which every station is new. memory_s: a track without a message
     for this long is forgotten. pardon_s: a flagged station whose messages have been consistent for this long
     is trusted again; infinity for never. road_pardon_s: the same where only the road map spoke against it:
-    who pulls out is beside or across the lane at first. window_s: of `drift` and `impulse`.
+    who pulls out is beside or across the lane at first. acceleration_pardon_s: the same where only an
+    acceleration that tyres allow did: who brakes hard is no liar, and estimates of it jump at times.
+    window_s: of `drift` and `impulse`.
     """
 
     thresholds: Mapping[str, float] = field(default_factory=lambda: dict(THRESHOLDS))
@@ -128,6 +136,7 @@ class DetectorConfig:
     memory_s: float = 4.0
     pardon_s: float = tuned.PARDON_S
     road_pardon_s: float = 1.0
+    acceleration_pardon_s: float = 10.0
     window_s: float = 3.0
     kalman_acceleration_mps2: float = 2.0
 

@@ -8,7 +8,7 @@ trusted for being repeated; a masquerader's messages do not taint the genuine on
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +18,14 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.misbehaviour import checks
 from advpipe.pipeline.misbehaviour.claim import Claim, ReceivingVehicle
-from advpipe.pipeline.misbehaviour.config import CHECKS, NEED_ROADS, DetectorConfig, Expectation
+from advpipe.pipeline.misbehaviour.config import (
+    CHECKS,
+    GRIP_MPS2,
+    NEED_ROADS,
+    OF_ACCELERATION,
+    DetectorConfig,
+    Expectation,
+)
 from advpipe.pipeline.misbehaviour.track import Track
 from advpipe.pipeline.misbehaviour.verdicts import CheckVerdicts, Verdicts
 
@@ -195,11 +202,11 @@ class OnlineDetector:
                 station.trusted = track = Track(config)
             track.add(claim)
             return
-        faults = [
-            name
+        faults = {
+            name: value
             for name, value, limit in zip(CHECKS, statistics, self._limits, strict=True)
             if value > limit and name != "branch"
-        ]
+        }
         if continues_suspect and station.suspect is not None:
             suspect = station.suspect
             if checks.elapsed_s(claim, suspect.last) <= 0:
@@ -215,11 +222,16 @@ class OnlineDetector:
         station.suspect.add(claim)
         self._blame(station.suspect, faults, at_ns)
 
-    def _blame(self, suspect: Track, faults: Sequence[str], at_ns: int) -> None:
-        """Distrust a track from now on, the longer if more than the road map speaks against it."""
-        config, is_of_the_road = self._config, set(faults) <= set(NEED_ROADS)
-        pardon_s = config.road_pardon_s if is_of_the_road else config.pardon_s
-        suspect.last_fault_ns, suspect.pardon_s = at_ns, max(suspect.pardon_s, pardon_s)
+    def _blame(self, suspect: Track, faults: Mapping[str, float], at_ns: int) -> None:
+        """Distrust a track from now on, the longer the more speaks against it."""
+        suspect.last_fault_ns, suspect.pardon_s = at_ns, max(suspect.pardon_s, self._pardon_s(faults))
+
+    def _pardon_s(self, faults: Mapping[str, float]) -> float:
+        if faults.keys() <= set(NEED_ROADS):
+            return self._config.road_pardon_s
+        if faults.keys() <= set(OF_ACCELERATION) and faults.get("dynamics", 0.0) <= GRIP_MPS2:
+            return self._config.acceleration_pardon_s
+        return self._config.pardon_s
 
 
 def judge_all(

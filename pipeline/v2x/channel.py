@@ -59,8 +59,7 @@ class Sent:
     packet: bytes = b""
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(NamedTuple):
     """A message received by one listener; `verdict` is the result of its Local Dynamic Map.
 
     tree: the message's ASN.1 values (see `message_codec.py`); None for bytes that are not a valid one.

@@ -49,7 +49,11 @@ class Bags:
                 raise UsageError(
                     f"two adversarial bags are named {name}; rename one, the report identifies them by name"
                 )
-        on_clouds = {bag: about for bag, about in provenances.items() if touches_clouds(about)}
+        on_clouds = {
+            bag: about
+            for bag, about in provenances.items()
+            if touches_clouds(about) and not _is_of_messages_alone(bag, about)
+        }
         has_clouds_to_score = bool(on_clouds) or not (provenances or _is_about_privacy_alone(reader))
         if has_clouds_to_score:
             refuse_without_ground_truth(clean, options.lidar_topic)
@@ -67,6 +71,12 @@ class Bags:
                     f"not {clean_sha256[:12]}…); give the bag that was attacked; if that was recorded anew "
                     f"since, attack again with {option_name('overwrite', True)} or remove that folder"
                 )
+
+
+def _is_of_messages_alone(bag: Path, about: Provenance) -> bool:
+    """Whether a bag declares no attack, as one that was imported, and has no LiDAR: a published log of
+    messages."""
+    return not about.fields.attacks and not lidar_topics(BagReader(bag))
 
 
 def _is_about_privacy_alone(clean: BagReader) -> bool:

@@ -179,22 +179,23 @@ def core_of_tree(tree: CamTree) -> CamCore:
     _refuse_later_releases(parameters)
     basic = parameters["basicContainer"]
     position = basic["referencePosition"]
-    core = CamCore(
+    kind, high = parameters["highFrequencyContainer"]
+    motion: tuple[float | None, ...] = ()
+    if kind == _VEHICLE_HIGH:
+        motion = (
+            q.HEADING.value(high["heading"]["headingValue"]),
+            q.SPEED.value(high["speed"]["speedValue"]),
+            q.LENGTH.value(high["vehicleLength"]["vehicleLengthValue"]),
+            q.WIDTH.value(high["vehicleWidth"]),
+        )
+    return CamCore(
         tree["header"]["stationID"],
         basic["stationType"],
         tree["cam"]["generationDeltaTime"],
         q.LATITUDE.value(position["latitude"]),
         q.LONGITUDE.value(position["longitude"]),
         q.ALTITUDE.value(position["altitude"]["altitudeValue"]),
-    )
-    kind, high = parameters["highFrequencyContainer"]
-    if kind != _VEHICLE_HIGH:
-        return core
-    return core._replace(
-        heading_rad=q.HEADING.value(high["heading"]["headingValue"]),
-        speed_mps=q.SPEED.value(high["speed"]["speedValue"]),
-        length_m=q.LENGTH.value(high["vehicleLength"]["vehicleLengthValue"]),
-        width_m=q.WIDTH.value(high["vehicleWidth"]),
+        *motion,
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ from advpipe.pipeline.v2x.section import LdmRules
 _NORTHWARD_DEG = 1e-4
 
 
-@dataclass(frozen=True, slots=True)
-class LdmReport:
+class LdmReport(NamedTuple):
     """The content of a CAM in the map's frame; the same for all its receivers.
 
     generation_ns: UTC since 1970. front_m: x, y, z of the ground below the middle of the vehicle's front
@@ -95,8 +95,7 @@ def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(NamedTuple):
     """The current report of a station, and when it was received."""
 
     report: LdmReport

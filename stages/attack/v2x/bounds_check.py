@@ -56,8 +56,8 @@ class BoundsCheck:
         noted, self._noted = self._noted, []
         if not noted:
             return
-        before_m = places_m(self._geodesy, [each.before for each, _ in noted])
-        after_m = places_m(self._geodesy, [each.after for each, _ in noted])
+        both = [*(each.before for each, _ in noted), *(each.after for each, _ in noted)]
+        before_m, after_m = np.split(places_m(self._geodesy, both), 2, axis=1)
         moved_m = np.hypot(*(after_m - before_m)).tolist()
         for (touched, bounds), distance_m in zip(noted, moved_m, strict=True):
             for excess in excesses(self._change(touched, distance_m), bounds, MESSAGE_QUANTITIES):

@@ -65,6 +65,23 @@ def test_pardon(make: Make, ego: ReceivingVehicle) -> None:
     assert found == [False] * 10 + [True] * 6 + [False] * 4
 
 
+@pytest.mark.parametrize(("braking_mps2", "messages"), [(9.0, 5), (16.0, 10)])
+def test_who_brakes_hard_is_believed_again_sooner(
+    make: Make, ego: ReceivingVehicle, braking_mps2: float, messages: int
+) -> None:
+    """Between 3.6 and 4.0 s it brakes from 10 m/s, as tyres allow or harder, and goes on at that speed."""
+    thresholds = {**CONFIG.thresholds, "dynamics": 5.0, "position_speed": 2.0, "acceleration": math.inf}
+    strict = DetectorConfig(thresholds=thresholds, pardon_s=5.0, acceleration_pardon_s=1.5)
+    speed_mps = 10.0 - 0.4 * braking_mps2
+    at_4_m = 36.0 + 0.4 * (10.0 + speed_mps) / 2
+    after = [
+        one._replace(x_m=at_4_m + 0.4 * nth * speed_mps, speed_mps=speed_mps)
+        for nth, one in enumerate(drive(make, 4.0))
+    ]
+    found = flags([*drive(make, stop_s=4.0), *after], ego, strict)
+    assert found == [False] * 10 + [True] * messages + [False] * (10 - messages)
+
+
 def test_masquerade_does_not_taint_the_true_station(make: Make, ego: ReceivingVehicle) -> None:
     """From 4 s on another claims the same id from 200 m away, 0.2 s after each true message."""
     false = [make(0.4 * nth + 0.2, x_m=0.4 * nth * 10 - 200.0, y_m=50.0) for nth in range(10, 20)]

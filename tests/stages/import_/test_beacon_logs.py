@@ -7,12 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.dataset.layout import EXPORT_MARK
 from advpipe.pipeline.labels.messages import read_labels
+from advpipe.stages.evaluate.run import evaluate
 from advpipe.stages.evaluate.v2x.drive import read_drive
 from advpipe.stages.evaluate.v2x.receptions import read_receptions
 from advpipe.stages.evaluate.v2x.section import v2x_sections
@@ -77,6 +79,15 @@ def test_detectors_are_scored_by_the_logs_labels(form: str, write: Write, tmp_pa
     assert detection.ours.false_positives == 0
     (section,) = v2x_sections(tmp_path / "out" / "clean", [found.bag])
     assert section.tables[0].lines[0][2] == str(false)
+
+
+def test_an_evaluation_takes_a_log_as_it_is(tmp_path: Path) -> None:
+    found = imported("nextgen", write_nextgen(tmp_path / "log"), tmp_path / "out")
+    report = evaluate(tmp_path / "out" / "clean", [found.bag], tmp_path / "report")
+    assert [section.key for section in report.sections] == ["v2x"]
+    verdicts = pq.read_table(tmp_path / "report" / "verdicts.parquet").to_pylist()
+    ours = [row for row in verdicts if (row["detector"], row["check"]) == ("advpipe", "any")]
+    assert [row["truth"] for row in ours].count("false") == FALSE
 
 
 @ALL
