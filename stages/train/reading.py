@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
@@ -15,6 +14,7 @@ from advpipe.pipeline.bag.frames import count_frames, read_frames
 from advpipe.pipeline.core.job_engine import runs_elsewhere
 from advpipe.pipeline.core.jobs import stream_jobs
 from advpipe.pipeline.core.progress import track
+from advpipe.pipeline.core.scratch import scratch_folder
 from advpipe.stages.train.frames import CroppedFrame, cropped
 
 FRAMES_A_JOB = 16
@@ -29,14 +29,14 @@ class _Part(NamedTuple):
     last: int
 
 
-def cropped_frames(bags: Sequence[Path], radius_m: float, scratch: Path) -> Iterator[CroppedFrame]:
+def cropped_frames(bags: Sequence[Path], radius_m: float) -> Iterator[CroppedFrame]:
     """The frames of all bags in their order, within a radius around the sensor; the same wherever they are
-    read. scratch: a folder in which results wait for earlier ones."""
+    read."""
     if runs_elsewhere():
         parts = _parts(bags)
         jobs = stream_jobs(partial(_reader, tuple(bags), parts, radius_m), range(len(parts)), "read the bags")
         with closing(jobs) as results:
-            for frames in _in_order(results, scratch):
+            for frames in _in_order(results):
                 yield from frames
         return
     for bag in bags:
@@ -70,15 +70,13 @@ def _reader(
     return read
 
 
-def _in_order(
-    results: Iterator[tuple[int, list[CroppedFrame]]], scratch: Path
-) -> Iterator[list[CroppedFrame]]:
+def _in_order(results: Iterator[tuple[int, list[CroppedFrame]]]) -> Iterator[list[CroppedFrame]]:
     """The results of jobs 0, 1, ... in this order; those that come early wait on the disk."""
-    with tempfile.TemporaryDirectory(prefix=".read-", dir=scratch) as folder:
+    with scratch_folder() as folder:
         due = 0
         for job, result in results:
-            (Path(folder) / str(job)).write_bytes(pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
-            while (file := Path(folder) / str(due)).exists():
+            (folder / str(job)).write_bytes(pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
+            while (file := folder / str(due)).exists():
                 yield pickle.loads(file.read_bytes())
                 file.unlink()
                 due += 1

@@ -201,7 +201,7 @@ def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfi
     r = config.network_preset.range_m
     radius_m = 1.1 * max(abs(r.x_min_m), r.x_max_m) * 2**0.5
 
-    frames = cropped_frames(tuple(digests), radius_m, folder.path)
+    frames = cropped_frames(tuple(digests), radius_m)
     mounts = mounts_of_frames(digests, config.network_preset.expected_input)
     return FrameStore.build(frames, folder.frames, [*digests.values(), radius_m, STORED], mounts)
 

@@ -27,10 +27,14 @@ ONLY_FOR_TERMINALS = {
     "simulate": {"seeds", "workers", "cluster"},
 }
 """Options of the command line that are parameters of an attack, by their names, in Python; a check; and those
-of drives of several seeds, each of which is a call in Python."""
-RENAMED = {"evaluate": {"bags": "adversarial"}}
-"""A few options have other names inside the command line, which users do not see."""
-SHOWN = {"evaluate": {"detector": "small", "defence": "default", "detect_attacks": "ray"}}
+of several drives, each of which is a call in Python."""
+RENAMED = {"evaluate": {"bags": "adversarial"}, "simulate": {"scenarios": "scenario"}}
+"""A few options have other names inside the command line, which users do not see; it takes several scenarios,
+each of which is a call in Python."""
+SHOWN = {
+    "evaluate": {"detector": "small", "defence": "default", "detect_attacks": "ray"},
+    "simulate": {"scenario": "district"},
+}
 """Defaults that the command line does not state as such, but shows."""
 
 
