@@ -16,8 +16,6 @@ from advpipe.pipeline.geometry.transforms import Float64
 
 UInt64 = npt.NDArray[np.uint64]
 
-LEAST_DRAW = 2.0**-54
-"""The smallest number that is drawn."""
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _SHIFTS = (np.uint64(30), np.uint64(27), np.uint64(31))
 _FACTORS = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.v2x.radio.draws import LEAST_DRAW
 
 
 class Code(NamedTuple):
@@ -98,16 +97,5 @@ def error_free_snr_db(channel_bitrate_mbps: float) -> float:
     return float(ratios_db[~is_certain][-1] + 0.25)
 
 
-@cache
-def hopeless_snr_db(channel_bitrate_mbps: float) -> float:
-    """A ratio below which `success_rate` is less than any random draw, for any message that the radio can
-    send."""
-    ratios_db = np.arange(-60.0, 60.0, 0.25)
-    has_hope = success_rate(ratios_db, _FEW_BITS, channel_bitrate_mbps) >= LEAST_DRAW
-    return float(ratios_db[has_hope][0] - 0.25)
-
-
 _MANY_BITS = 2**20
 """Some thirty times the bits of the longest frame, 4095 bytes."""
-_FEW_BITS = 2**6
-"""Less than the headers of any frame."""

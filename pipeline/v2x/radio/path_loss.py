@@ -28,11 +28,9 @@ def dual_slope_db(distance_m: Float64, radio: Radio) -> Float64:
     critical_m = np.array(radio.critical_distance_m)
     is_far = distance_m > critical_m
     logarithm = np.log10(np.where(is_far, distance_m / critical_m, np.maximum(distance_m, REFERENCE_M)))
-    near_db, far_db = 10 * radio.near_exponent, 10 * radio.far_exponent  # a decade
-    first_db = free_space_db(np.array(REFERENCE_M), radio)
-    logarithm *= np.where(is_far, far_db, near_db)
-    logarithm += np.where(is_far, first_db + near_db * np.log10(critical_m), first_db)
-    return logarithm
+    near_db = 10 * radio.near_exponent * np.where(is_far, np.log10(critical_m), logarithm)
+    far_db = 10 * radio.far_exponent * np.where(is_far, logarithm, 0.0)
+    return free_space_db(np.array(REFERENCE_M), radio) + near_db + far_db
 
 
 PATH_LOSS: dict[str, Callable[[Float64, Radio], Float64]] = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.draws import Draws
-from advpipe.pipeline.v2x.radio.error_rate import error_free_snr_db, hopeless_snr_db, success_rate
+from advpipe.pipeline.v2x.radio.error_rate import error_free_snr_db, success_rate
 from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import (
@@ -38,7 +38,6 @@ class Receiver:
         self._draws = draws
         self._channel_bitrate_mbps = radio.bitrate_mbps * 10 / radio.bandwidth_mhz
         self._flawless_db = max(error_free_snr_db(self._channel_bitrate_mbps), radio.snir_threshold_db)
-        self._hopeless_db = hopeless_snr_db(self._channel_bitrate_mbps)
 
     def outcomes(
         self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], stations: Stations, dropped: Int64
@@ -59,14 +58,14 @@ class Receiver:
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = np.full(power_dbm.shape, Outcome.RECEIVED, np.uint8)
         row, column = _places(is_audible & (sinr_db < self._flawless_db))
-        ids = stations.ids.astype(np.uint64)
-        fails = self._fails(sinr_db[row, column], keys[row], ids[column], bits[row])
-        row, column = row[fails], column[fails]
+        luck = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
+        fails = luck > self._success(sinr_db[row, column], bits[row])
+        row, column, luck = row[fails], column[fails], luck[fails]
         outcome[row, column] = Outcome.NOISE
         among = disturbed[row]
-        row, column = row[among], column[among]
+        row, column, luck = row[among], column[among], luck[among]
         if len(row):
-            saved = ~self._fails(snr_db[row, column], keys[row], ids[column], bits[row])
+            saved = luck <= self._success(snr_db[row, column], bits[row])
             outcome[row[saved], column[saved]] = Outcome.INTERFERENCE
         outcome[is_busy] = Outcome.BUSY
         outcome[~is_audible] = Outcome.WEAK
@@ -115,15 +114,6 @@ class Receiver:
                     )
         return interference_mw, is_busy, is_sending
 
-    def _fails(self, ratio_db: Float64, keys: UInt64, receivers: UInt64, bits: Int64) -> Bool:
-        """Which pairs of a message and a receiver (N,) have bit errors; only where the ratio leaves it open
-        is the probability computed."""
-        fails: Bool = ratio_db < self._hopeless_db
-        (is_open,) = np.nonzero(~fails & (ratio_db < self._flawless_db))
-        luck = self._draws.of_pairs("errors", keys[is_open], receivers[is_open])
-        fails[is_open] = luck > self._success(ratio_db[is_open], bits[is_open])
-        return fails
-
     def _success(self, ratio_db: Float64, bits: Int64) -> Float64:
         """The probability of error-free messages; 0 below the configured threshold."""
         chance = success_rate(ratio_db, bits, self._channel_bitrate_mbps)
@@ -150,7 +140,7 @@ def _places(mask: Bool) -> tuple[Int64, Int64]:
 
 
 def _rows(rows: Sequence[Float64], count: int) -> Float64:
-    return np.concatenate([np.empty(0), *rows]).reshape(len(rows), count)
+    return np.array(rows).reshape(len(rows), count)
 
 
 def _columns(frames: Sequence[RadioFrame], *names: str) -> list[Int64]:
