@@ -16,6 +16,7 @@ from advpipe.pipeline.detector.adaptation import Adaptation
 from advpipe.pipeline.detector.input_notice import notice_unexpected_input
 from advpipe.pipeline.detector.registry import load_detector
 from advpipe.stages.evaluate.bags import Bags
+from advpipe.stages.evaluate.camera.section import check_image_detector
 from advpipe.stages.evaluate.cooperative.section import KEY as COOPERATIVE
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
 from advpipe.stages.evaluate.detection.summary import Summary, summarise
@@ -69,6 +70,7 @@ def evaluate(
         notice_default_lidar(BagReader(clean), options.lidar_topic)
     with working_on(LOADING):
         models = {name: load_detector(name, options.device) for name in asked}
+        check_image_detector(clean, options.image_detector)
     for name, model in models.items():
         options.adaptation.check(model, name)
         topic = find_lidar_topic(BagReader(clean), options.lidar_topic)

@@ -181,8 +181,10 @@ class CameraPatch(CameraAttack):
             random_texture,
         )
 
+        # Of its own, so that all patterns begin with the same random texture.
+        texture_rng = np.random.default_rng(rng.integers(2**63))
         if self.pattern == "random":
-            return random_texture(rng, texels)
+            return random_texture(texture_rng, texels)
         detector, found = differentiable_image_detector(self.image_detector), []
         for drive in drives:
             for image, scene in self._chosen(drive):
@@ -198,8 +200,8 @@ class CameraPatch(CameraAttack):
         examples = PatchExamples(found, detector, hides=self.surface == VEHICLE)
         with fixed_torch_threads():
             if self.pattern == "random-best":
-                return best_random(examples, rng, texels, self.tries)
-            return optimised(examples, rng, texels, self.steps, self.learning_rate)
+                return best_random(examples, texture_rng, texels, self.tries)
+            return optimised(examples, texture_rng, texels, self.steps, self.learning_rate)
 
     def _chosen(self, drive: CameraDrive) -> Iterator[tuple[CameraImage, CameraScene]]:
         """As many images of the schedule as the search looks at, evenly spread."""

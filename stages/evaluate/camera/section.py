@@ -81,7 +81,7 @@ def camera_sections(
     device: str,
     window: Window = WHOLE_DRIVE,
 ) -> tuple[ReportSection, ...]:
-    """One section on the cameras of the clean bag that have labelled pictures; none without any.
+    """One section on the cameras of the clean bag that have labelled pictures; none without objects.
 
     detector: as `image_detector_named` takes it, or `none`. Raises AdvpipeError for pictures that cannot be
     decoded and for an unknown detector.
@@ -105,6 +105,9 @@ def camera_sections(
                     attacked.append(_Attacked(bag, camera, same, differing))
         pictures = tuple(_picture(reader, each, seen, window) for each in attacked)
     rows = tuple(records)
+    if not rows:
+        return ()
+    terminal = _terminal(rows)
     return (
         ReportSection(
             key="camera",
@@ -115,9 +118,15 @@ def camera_sections(
             records=rows,
             notes=_notes(detector, model, reader),
             formulas=FORMULAS,
-            terminal=(_terminal(rows),),
+            terminal=(terminal,) if terminal.lines else (),
         ),
     )
+
+
+def check_image_detector(clean: Path, detector: str) -> None:
+    """Raises UsageError for an image detector that cannot be loaded, where the clean bag has cameras."""
+    if detector != NONE and recorded_cameras(BagReader(clean)):
+        image_detector_named(detector)
 
 
 def _records(

@@ -13,7 +13,7 @@ from picture_drive import STEP_NS, ColourDetector, painted, record_pictures, rec
 
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.results.camera import CameraRecord
-from advpipe.stages.evaluate.camera.section import camera_sections
+from advpipe.stages.evaluate.camera.section import camera_sections, check_image_detector
 
 Image = np.ndarray
 DETECTOR = "colours:ColourDetector"
@@ -106,5 +106,10 @@ def test_tables_and_pictures_show_both(clean: Path, tmp_path: Path) -> None:
 
 def test_none_scores_no_camera_and_nobody_is_refused(clean: Path) -> None:
     assert camera_sections(clean, [], "none", "cpu") == ()
-    with pytest.raises(UsageError, match="unknown image detector"):
-        camera_sections(clean, [], "nobody", "cpu")
+    for refused in (
+        lambda: camera_sections(clean, [], "nobody", "cpu"),
+        lambda: check_image_detector(clean, "nobody"),
+    ):
+        with pytest.raises(UsageError, match="unknown image detector"):
+            refused()
+    check_image_detector(clean, "none")
