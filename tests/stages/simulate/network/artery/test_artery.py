@@ -21,7 +21,10 @@ from .drives import our_instants, scenario, sent_of, stations_of
 pytestmark = pytest.mark.nightly
 
 DRIVE = ("simulation.duration_s=30", "traffic.vehicles=60", "simulation.warmup_s=15")
-FREE_SPACE = "v2x.radio={path_loss: free_space, shadowing: null, fading: none, sensitivity_dbm: -85}"
+FREE_SPACE = (
+    "v2x.radio={path_loss: free_space, shadowing: null, fading: none, sensitivity_dbm: -85, "
+    "transmit_power_dbm: 10}"
+)  # which reaches 228 m, less than the map is wide
 NAKAGAMI = "v2x.radio={sensitivity_dbm: -85}"
 
 
@@ -44,13 +47,13 @@ def test_a_drive_through_artery_is_like_ours(tmp_path: Path, radio: str) -> None
     for network in ("artery", "embedded"):
         simulate(scenario(*DRIVE, radio, f"v2x.network={network}"), tmp_path / network)
     stations = list(stations_of(tmp_path / "artery" / "clean"))
-    assert len(stations) >= 40
+    assert len(stations) >= 20
     same = total = 0
     for station in stations:
         ours, artery = set(our_instants(station)), set(station.sent_ns)
         same, total = same + len(ours & artery), total + len(ours | artery)
     print(f"{same} of {total} CAM instants are the same")
-    assert total > 3000
+    assert total > 1500
     assert same == total
     shares = {}
     for network in ("artery", "embedded"):
