@@ -196,8 +196,8 @@ def _tables(rows: Sequence[CameraRecord]) -> Iterator[Table]:
         lines = tuple(
             (
                 *(clean.class_name, clean.difficulty, f"{clean.objects:,}"),
-                _change(100 * clean.ap, attacked and 100 * attacked.ap),
-                _change(100 * clean.ap_half, attacked and 100 * attacked.ap_half),
+                _change(100 * clean.ap, None if attacked is None else 100 * attacked.ap),
+                _change(100 * clean.ap_half, None if attacked is None else 100 * attacked.ap_half),
                 f"{clean.found:,}" + (f" → {attacked.found:,}" if attacked else ""),
                 f"{attacked.lost:,}" if attacked else "–",
             )
@@ -221,7 +221,7 @@ def _terminal(rows: Sequence[CameraRecord]) -> Table:
             f"{clean.bag}: {clean.vehicle}: {clean.camera}",
             clean.class_name,
             f"{clean.objects:,}",
-            _change(100 * clean.ap, attacked and 100 * attacked.ap),
+            _change(100 * clean.ap, None if attacked is None else 100 * attacked.ap),
             f"{attacked.lost:,}" if attacked else "–",
         )
         for clean, attacked in _pairs([row for row in rows if row.difficulty == MODERATE])
