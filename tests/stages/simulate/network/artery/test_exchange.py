@@ -1,7 +1,7 @@
 """A drive through what a real Artery told, which the stand-in plays back: `exchange.xz`.
 
-It was recorded with `record.py` and `SETTINGS`, by SUMO 1.28.0; with traffic that moves otherwise, the vehicles
-would not be where Artery's stations are.
+It was recorded with `record.py` and `SETTINGS`, by SUMO 1.28.0; with traffic that moves otherwise, the
+vehicles would not be where Artery's stations are.
 """
 
 from __future__ import annotations
