@@ -69,11 +69,16 @@ class ArteryProcess:
             return missing
         told = [line.strip() for line in lines if line.strip()]
         errors = [line for line in told if line.startswith("<!>")]
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return f"{how}: {(errors or told or ['no output'])[-1].removeprefix('<!>').strip()}"
+        if code < 0:
+            return f"signal {-code}" + (f": {_words(errors[-1])}" if errors else "")
+        return f"exit code {code}: {_words((errors or told or ['no output'])[-1])}"
 
     def kill(self) -> None:
         """End it at once; it has nothing to save."""
         if self.is_alive:
             self._process.kill()
         self._process.wait()
+
+
+def _words(line: str) -> str:
+    return line.removeprefix("<!>").strip()
