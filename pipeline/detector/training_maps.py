@@ -11,7 +11,6 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from advpipe.pipeline.core import plain_json
 from advpipe.pipeline.core.hashing import sha256_of
-from advpipe.pipeline.detector.protocol import ObjectDetector
 
 KEY = "maps_sha256"
 """Provenance key of a checkpoint: a JSON list of the unique `map_sha256` of its training drives' bags;
@@ -45,7 +44,7 @@ class MapList(BaseModel, frozen=True):
     maps_sha256: dict[str, Sha256]
 
 
-def is_training_map(detector: ObjectDetector, map_sha256: str | None) -> bool | None:
+def is_training_map(detector: object, map_sha256: str | None) -> bool | None:
     """Whether the detector was trained on drives on this map; None where detector or bag do not record it."""
     known = detector.training_maps_sha256 if isinstance(detector, ReportsTrainingMaps) else None
     if known is None or map_sha256 is None:

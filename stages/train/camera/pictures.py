@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -107,7 +108,7 @@ class PictureStore:
         return np.bincount(labels[labels != OTHER], minlength=4)
 
     @cached_property
-    def _index(self) -> dict[str, npt.NDArray[np.int64]]:
+    def _index(self) -> dict[str, npt.NDArray[Any]]:
         with np.load(self.folder / "index.npz") as arrays:
             return dict(arrays)
 

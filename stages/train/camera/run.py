@@ -161,7 +161,7 @@ def train_step(
         cells = net(batch.images.to(device))
     parts: Tensor = losses(cells, *(each.to(device) for each in (batch.heat, batch.boxes_px, batch.weights)))
     state.optimiser.zero_grad(set_to_none=True)
-    parts.sum().backward()
+    parts.sum().backward()  # type: ignore[no-untyped-call]
     norm = float(torch.nn.utils.clip_grad_norm_(net.parameters(), config.clip_norm))
     found: list[float] = parts.tolist()
     if not isfinite(sum(found)) or not isfinite(norm):
