@@ -196,8 +196,8 @@ def _tables(rows: Sequence[CameraRecord]) -> Iterator[Table]:
         lines = tuple(
             (
                 *(clean.class_name, clean.difficulty, f"{clean.objects:,}"),
-                _change(100 * clean.ap, None if attacked is None else 100 * attacked.ap),
-                _change(100 * clean.ap_half, None if attacked is None else 100 * attacked.ap_half),
+                _change(clean.ap, attacked.ap if attacked else None),
+                _change(clean.ap_half, attacked.ap_half if attacked else None),
                 f"{clean.found:,}" + (f" → {attacked.found:,}" if attacked else ""),
                 f"{attacked.lost:,}" if attacked else "–",
             )
@@ -210,8 +210,9 @@ def _tables(rows: Sequence[CameraRecord]) -> Iterator[Table]:
 
 
 def _change(clean: float, attacked: float | None) -> str:
-    text = formatted_number(clean, 1)
-    return text if attacked is None else f"{text} → {formatted_number(attacked, 1)}"
+    """Shares in percent."""
+    text = formatted_number(100 * clean, 1)
+    return text if attacked is None else f"{text} → {formatted_number(100 * attacked, 1)}"
 
 
 def _terminal(rows: Sequence[CameraRecord]) -> Table:
@@ -221,7 +222,7 @@ def _terminal(rows: Sequence[CameraRecord]) -> Table:
             f"{clean.bag}: {clean.vehicle}: {clean.camera}",
             clean.class_name,
             f"{clean.objects:,}",
-            _change(100 * clean.ap, None if attacked is None else 100 * attacked.ap),
+            _change(clean.ap, attacked.ap if attacked else None),
             f"{attacked.lost:,}" if attacked else "–",
         )
         for clean, attacked in _pairs([row for row in rows if row.difficulty == MODERATE])
