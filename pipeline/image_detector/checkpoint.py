@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 import torch
 from pydantic import Field
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 
-from advpipe.pipeline.core.atomic_file import write_atomically
 from advpipe.pipeline.core.document import Document, ShortText, Text, read_json
-from advpipe.pipeline.core.errors import OutputExistsError, UsageError, as_usage_error
+from advpipe.pipeline.core.errors import UsageError, as_usage_error
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.short_repr import short_repr, shorten
-from advpipe.pipeline.detector.checkpoint import check_size
+from advpipe.pipeline.detector.weights_file import read_weights, write_weights
 from advpipe.pipeline.image_detector.network import PRESETS, ImageNet
 from advpipe.pipeline.image_detector.network_detector import NetworkImageDetector
 
@@ -37,21 +33,13 @@ def save_image_checkpoint(
     net: ImageNet, path: Path, provenance: Mapping[str, str], *, overwrite: bool = False
 ) -> None:
     """Write a checkpoint atomically: weights in half precision, batch norms in single."""
-    if path.exists() and not overwrite:
-        raise OutputExistsError(path)
-    tensors = {}
-    for name, value in net.state_dict().items():
-        if value.is_floating_point():
-            dtype = torch.float16 if value.ndim > 1 else torch.float32
-            tensors[name] = value.detach().cpu().to(dtype).contiguous()
     about = {
         "kind": KIND,
         "preset": net.preset.name,
         "classes": list(net.preset.classes),
         "provenance": dict(sorted(provenance.items())),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, save(tensors, metadata={"advpipe": json.dumps(about)}))
+    write_weights(net, path, about, overwrite=overwrite)
 
 
 def load_image_checkpoint(path: Path, device: torch.device | None = None) -> NetworkImageDetector:
@@ -61,27 +49,7 @@ def load_image_checkpoint(path: Path, device: torch.device | None = None) -> Net
     """
     if not path.is_file():
         raise UsageError(f"no image detector's checkpoint at {path}; train one with `advpipe train-camera`")
-    check_size(path)
-    try:
-        with safe_open(path, framework="pt") as file:
-            net, provenance = _read_metadata(path, file.metadata() or {})
-            ours = {k: v.shape for k, v in net.state_dict().items() if v.is_floating_point()}
-            # Compare the declared shapes before any tensor is read.
-            shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
-            if {name: torch.Size(shape) for name, shape in shapes.items()} != ours:
-                preset = net.preset.name
-                raise UsageError(
-                    f"the weights in {path} do not fit preset {preset!r} of this version; train again"
-                )
-            tensors = {name: file.get_tensor(name).float() for name in ours}
-    except (SafetensorError, OSError, RuntimeError) as error:
-        reason = shorten(" ".join(str(error).split()), 200)
-        raise UsageError(
-            f"{path} is not a complete safetensors file ({reason}); train or copy it again"
-        ) from None
-    if not all(bool(torch.isfinite(weights).all()) for weights in tensors.values()):
-        raise UsageError(f"the weights in {path} are not all finite; train or copy it again")
-    net.load_state_dict(tensors, strict=False)
+    net, provenance = read_weights(path, _read_metadata, lambda net: net.preset.name)
     return NetworkImageDetector(net.to(device), provenance)
 
 

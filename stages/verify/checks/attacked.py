@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,8 @@ from advpipe.pipeline.core.bounded_parquet import rows
 from advpipe.pipeline.core.frame_slice import FrameSlice
 from advpipe.pipeline.labels import fixes, images, scans
 from advpipe.pipeline.labels.clouds import FRAMES
+from advpipe.pipeline.labels.declaration import Family
+from advpipe.pipeline.labels.quantity import Quantity, Range
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.topics import (
     TF,
@@ -26,9 +29,11 @@ from advpipe.pipeline.messages.topics import (
     V2X_STATISTICS,
     VehicleTopics,
 )
+from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.message_type import MESSAGE_TYPES
 from advpipe.stages.verify.attackers import MessageAttack
+from advpipe.stages.verify.declared_bounds import measurable
 from advpipe.stages.verify.subject import BagUnderTest
 
 
@@ -58,6 +63,22 @@ class AttackedBag:
             for attack in self.attacks
             if attack.family != "lidar"
         )
+
+    def of_family(self, family: Family) -> list[MessageAttack]:
+        """The attacks of one family."""
+        return [attack for attack in self.on_messages if attack.family == family]
+
+    def acts(
+        self, attacks: Iterable[MessageAttack], quantities: Mapping[str, Quantity[Any]]
+    ) -> dict[str, tuple[Acting, Mapping[str, Range]]]:
+        """When each may act, and the bounds that it declares on these quantities, by its name."""
+        return {
+            each.spec.type: (
+                acting_on_messages(each.spec, self.start_ns, self.seed),
+                measurable(each.declared.bounds, quantities) if each.declared else {},
+            )
+            for each in attacks
+        }
 
     @property
     def seed(self) -> int:

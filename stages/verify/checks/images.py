@@ -15,13 +15,13 @@ from advpipe.pipeline.labels.images import DELAYED, DROPPED, EDGES, FILE, PAINTE
 from advpipe.pipeline.labels.quantity import Range, beyond_all
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.compressed_image import StampedImage, image_from_cdr, pixels_of
-from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
+from advpipe.pipeline.scenario.acting import Acting
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
 from advpipe.stages.verify.checks.painted import paint_fault
 from advpipe.stages.verify.checks.painted_objects import PaintedObjects
-from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
-from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
+from advpipe.stages.verify.declared_bounds import undeclared
+from advpipe.stages.verify.result import Fault, Result
 
 LabelRow = Mapping[str, Any]
 Acts = Mapping[str, tuple[Acting, Mapping[str, Range]]]
@@ -55,16 +55,9 @@ class Images(BagCheck):
         if not path.is_file():
             return
         where = self.bag.subject.place(path)
-        acts: dict[str, tuple[Acting, Mapping[str, Range]]] = {}
-        for each in attacked.on_messages:
-            if each.family != "camera":
-                continue
-            bounds = each.declared.bounds if each.declared is not None else {}
-            if each.declared is None:
-                yield Unchecked(self.bag.place, f"bounds of {each.spec.type} {NOT_DECLARED}")
-            yield from unmeasurable(self.bag.place, each.spec.type, bounds, IMAGE_QUANTITIES)
-            acting = acting_on_messages(each.spec, attacked.start_ns, attacked.seed)
-            acts[each.spec.type] = acting, measurable(bounds, IMAGE_QUANTITIES)
+        attacks = attacked.of_family("camera")
+        yield from undeclared(self.bag.place, attacks, IMAGE_QUANTITIES)
+        acts = attacked.acts(attacks, IMAGE_QUANTITIES)
         labels: dict[tuple[str, int], list[LabelRow]] = defaultdict(list)
         for row in rows(path):
             labels[row["topic"], row["image"]].append(row)

@@ -17,11 +17,11 @@ from advpipe.pipeline.labels.quantity import Range, beyond_all
 from advpipe.pipeline.labels.scan_quantities import SCAN_QUANTITIES, ScanChange
 from advpipe.pipeline.labels.scans import ADDED, CHANGED, FILE, MEASURED, REMOVED
 from advpipe.pipeline.messages.radar import RETURN_DTYPE, StampedScan, radar_cloud_to_cdr, scan_from_cdr
-from advpipe.pipeline.scenario.acting import Acting, acting_on_messages
+from advpipe.pipeline.scenario.acting import Acting
 from advpipe.stages.verify.checks.attacked import AttackedBag
 from advpipe.stages.verify.checks.base import BagCheck
-from advpipe.stages.verify.declared_bounds import measurable, unmeasurable
-from advpipe.stages.verify.result import NOT_DECLARED, Fault, Result, Unchecked
+from advpipe.stages.verify.declared_bounds import undeclared
+from advpipe.stages.verify.result import Fault, Result
 
 LabelRow = Mapping[str, Any]
 
@@ -50,16 +50,9 @@ class Scans(BagCheck):
         if not path.is_file():
             return
         where = self.bag.subject.place(path)
-        acts: dict[str, tuple[Acting, Mapping[str, Range]]] = {}
-        for each in attacked.on_messages:
-            if each.family != "radar":
-                continue
-            bounds = each.declared.bounds if each.declared is not None else {}
-            if each.declared is None:
-                yield Unchecked(self.bag.place, f"bounds of {each.spec.type} {NOT_DECLARED}")
-            yield from unmeasurable(self.bag.place, each.spec.type, bounds, SCAN_QUANTITIES)
-            acting = acting_on_messages(each.spec, attacked.start_ns, attacked.seed)
-            acts[each.spec.type] = acting, measurable(bounds, SCAN_QUANTITIES)
+        attacks = attacked.of_family("radar")
+        yield from undeclared(self.bag.place, attacks, SCAN_QUANTITIES)
+        acts = attacked.acts(attacks, SCAN_QUANTITIES)
         labels = groupby(rows(path), key=lambda row: (row["topic"], row["scan"]))
         waiting = next(labels, None)
         for pair in _pairs(attacked):

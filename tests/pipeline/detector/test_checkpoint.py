@@ -10,9 +10,10 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from advpipe.pipeline.core.errors import AdvpipeError, OutputExistsError
-from advpipe.pipeline.detector.checkpoint import MOST_BYTES, load_checkpoint, save_checkpoint
+from advpipe.pipeline.detector.checkpoint import load_checkpoint, save_checkpoint
 from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
+from advpipe.pipeline.detector.weights_file import MOST_BYTES
 
 
 @pytest.fixture
