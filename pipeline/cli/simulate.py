@@ -18,19 +18,20 @@ if TYPE_CHECKING:
 
 
 DEFAULT = "district"
+_DEFAULTS = [DEFAULT]
 
 
 @with_progress("simulating {scenarios}")
 def simulate_command(
     scenarios: Annotated[
-        list[str] | None,
+        list[str],
         typer.Argument(
-            metavar="[SCENARIO]...",
+            metavar="SCENARIO",
             help="Scenario files or shipped names.",
             autocompletion=scenario_names,
             show_default=DEFAULT,
         ),
-    ] = None,
+    ] = _DEFAULTS,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -60,16 +61,15 @@ def simulate_command(
     Of several scenarios, data sets NAME in the folder --out; with --seeds, NAME-seedN for each seed. Those
     that are there are kept, and a run that was interrupted goes on.
     """
-    names = scenarios or [DEFAULT]
-    if seeds is not None or len(names) > 1:
+    if seeds is not None or len(scenarios) > 1:
         if live is not None:
             from advpipe.pipeline.core.errors import UsageError
 
             raise UsageError("--live publishes one drive; give one scenario and no --seeds")
-        return _simulated_drives(names, settings or (), seeds, out, workers, cluster, overwrite)
+        return _simulated_drives(scenarios, settings or (), seeds, out, workers, cluster, overwrite)
     from advpipe.commands.simulate import simulate as run
 
-    return simulated(run(names[0], settings=settings or (), out=out, live=live, overwrite=overwrite))
+    return simulated(run(scenarios[0], settings=settings or (), out=out, live=live, overwrite=overwrite))
 
 
 def _simulated_drives(

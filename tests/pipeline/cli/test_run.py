@@ -135,7 +135,7 @@ def test_bad_attacks_are_refused_before_anything_is_simulated(
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize("command", [run, simulate_command])
+@pytest.mark.parametrize("command", [run, lambda scenario, out: simulate_command([scenario], out)])
 def test_all_mistakes_come_at_once_before_the_drive(scenario: Path, command: Callable[..., object]) -> None:
     wrong = SCENARIO.replace("seed: 1", "seed: many").replace("vehicles: 60", "mix: {tank: 1}, vehicles: 60")
     wrong = wrong.replace("boulevard.net.xml", "nowhere.net.xml").replace("type: detach", "type: detatch")
