@@ -56,7 +56,7 @@ def simulate_command(
     cluster: Cluster = None,
     overwrite: Overwrite = False,
 ) -> Answer:
-    """Stage 1: record a clean drive (LiDAR, ground truth, odometry, GNSS) to an MCAP bag.
+    """Stage 1: record a clean drive (LiDARs, cameras, radars, V2X, GNSS, ground truth) to an MCAP bag.
 
     Of several scenarios, data sets NAME in the folder --out; with --seeds, NAME-seedN for each seed. Those
     that are there are kept, and a run that was interrupted goes on.

@@ -16,14 +16,17 @@ class AttackOptions:
     attack needs no gradient and so works on any detector; in the scenario file, every attack must be named.
     """
 
-    type: str = option("detach", "detach, perturb, attach, cam-..., gnss-..., or module:Class.")
+    type: str = option(
+        "detach", "detach, perturb, attach, cam-..., gnss-..., camera-..., radar-..., or module:Class."
+    )
     recipe: str | None = option(
         None,
         "best, hide, robust, stealthy, transfer or paper (as published); random baselines: random, "
         "random-near, random-best (the strongest).",
     )
     victim: str | None = option(
-        None, "Vehicle whose GPS or LiDAR is attacked, or that false messages target."
+        None,
+        "Vehicle whose sensors are attacked (GPS, LiDAR, cameras, radars), or that false messages target.",
     )
     dcc_reacts: bool = option(
         False,

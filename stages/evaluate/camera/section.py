@@ -93,6 +93,7 @@ def camera_sections(
     with working_on("cameras"):
         model = image_detector_named(detector, device)
         seen, records, attacked = SeenPictures(model), list[CameraRecord](), list[_Attacked]()
+        empty: list[str] = []
         for camera in cameras:
             moments = seen.clean(reader, camera, window)
             records += _records("clean", camera, detector, seen, moments, moments)
@@ -100,14 +101,17 @@ def camera_sections(
                 differing = seen.attacked(reader, BagReader(bag), camera, moments, window)
                 at = {each.stamp_ns for each in differing}
                 same = [each for each in moments if each.stamp_ns in at]
-                records += _records(bag_name(bag), camera, detector, seen, same, differing)
+                own = list(_records(bag_name(bag), camera, detector, seen, same, differing))
+                records += own
                 if differing:
                     attacked.append(_Attacked(bag, camera, same, differing))
+                if differing and not own:
+                    empty.append(_no_objects(bag, camera, len(differing)))
         pictures = tuple(_picture(reader, each, seen, window) for each in attacked)
     rows = tuple(records)
-    if not rows:
+    if not rows and not empty:
         return ()
-    terminal = _terminal(rows)
+    terminal = _terminal(rows, " ".join(empty))
     return (
         ReportSection(
             key="camera",
@@ -116,9 +120,9 @@ def camera_sections(
             tables=tuple(_tables(rows)),
             pictures=pictures,
             records=rows,
-            notes=_notes(detector, model, reader),
+            notes=(*_notes(detector, model, reader), *empty),
             formulas=FORMULAS,
-            terminal=(terminal,) if terminal.lines else (),
+            terminal=(terminal,) if terminal.lines or empty else (),
         ),
     )
 
@@ -215,7 +219,12 @@ def _change(clean: float, attacked: float | None) -> str:
     return text if attacked is None else f"{text} → {formatted_number(100 * attacked, 1)}"
 
 
-def _terminal(rows: Sequence[CameraRecord]) -> Table:
+def _no_objects(bag: Path, camera: RecordedCamera, pictures: int) -> str:
+    what = counted(pictures, "attacked picture")
+    return f"{bag_name(bag)}: in {what} of {camera.name} of {camera.vehicle}, no labelled object counts."
+
+
+def _terminal(rows: Sequence[CameraRecord], note: str) -> Table:
     """The figures at moderate difficulty."""
     lines = tuple(
         (
@@ -228,4 +237,4 @@ def _terminal(rows: Sequence[CameraRecord]) -> Table:
         for clean, attacked in _pairs([row for row in rows if row.difficulty == MODERATE])
     )
     title = "Pictures: 2D AP in percent at moderate difficulty"
-    return Table(title, ("camera", "class", "objects", "AP", "lost"), lines)
+    return Table(title, ("camera", "class", "objects", "AP", "lost"), lines, note)

@@ -60,7 +60,8 @@ DEFINITIONS = (
     Formula(
         "kitti_difficulty",
         "KITTI's levels easy, moderate and hard are defined in a camera's image (height of the box "
-        "in pixels, truncation), which is missing here: AP is given by range, points and occlusion instead",
+        "in pixels, truncation); where no camera without distortion shows the evaluated clouds, or none was "
+        "evaluated, AP is given by range, points and occlusion alone",
         title="KITTI's levels of difficulty",
     ),
     Formula(
