@@ -128,7 +128,7 @@ def _radar_keys() -> tuple[str, ...]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario", nargs="?", default="district")
-    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--frames", type=int, default=50)  # more: sensors have another process
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--large", action="store_true", help="1280 x 720 with four samples a pixel")
     parser.add_argument("--stage", action="store_true", help="the speed of all of stage 1")
