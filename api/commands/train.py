@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.commands.paths import PathLike
-from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
-from advpipe.pipeline.core.option_names import option_name
+from advpipe.commands.training_bags import training_bags
+from advpipe.pipeline.core.errors import as_usage_error, writing
 from advpipe.pipeline.core.progress import with_progress, working_on
 from advpipe.pipeline.core.verbosity import detail
-from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.stages.train.options import USUAL_STEPS, TrainOptions
 
 if TYPE_CHECKING:
@@ -51,12 +49,7 @@ def train(
     >>> trained = advpipe.train("datasets/a", "datasets/b", out="runs/mine", validate="datasets/c")
     >>> advpipe.evaluate(drive, detector=str(trained.checkpoint))
     """
-    with as_usage_error():
-        learned = tuple(resolve_bag(Path(bag)) for bag in bags)
-        held_out = None if validate is None else resolve_bag(Path(validate))
-    if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
-        raise UsageError(f"{option_name('validate')} {validate} is also a training bag; name a held-out one")
-    refuse_undecodable(*learned, held_out, Path(out))
+    learned, held_out = training_bags(bags, validate, out)
     with working_on("loading libraries"):
         from advpipe.pipeline.cluster.connect import use_cluster
         from advpipe.stages.train.config import TrainConfig

@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from advpipe.commands.paths import PathLike
-from advpipe.pipeline.bag.locate import resolve_bag
-from advpipe.pipeline.core.errors import UsageError, as_usage_error, writing
-from advpipe.pipeline.core.option_names import option_name
+from advpipe.commands.training_bags import training_bags
+from advpipe.pipeline.core.errors import as_usage_error, writing
 from advpipe.pipeline.core.progress import with_progress, working_on
-from advpipe.pipeline.process.folder import refuse_undecodable
 from advpipe.stages.train.camera.options import ImageTrainOptions
 
 if TYPE_CHECKING:
@@ -44,12 +42,7 @@ def train_camera(
     >>> trained = advpipe.train_camera("datasets/a", "datasets/b", out="runs/eye", validate="datasets/c")
     >>> advpipe.evaluate(drive, image_detector=str(trained.checkpoint))
     """
-    with as_usage_error():
-        learned = tuple(resolve_bag(Path(bag)) for bag in bags)
-        held_out = None if validate is None else resolve_bag(Path(validate))
-    if held_out and held_out.resolve() in {bag.resolve() for bag in learned}:
-        raise UsageError(f"{option_name('validate')} {validate} is also a training bag; name a held-out one")
-    refuse_undecodable(*learned, held_out, Path(out))
+    learned, held_out = training_bags(bags, validate, out)
     with working_on("loading libraries"):
         from advpipe.stages.train.camera.config import ImageTrainConfig
         from advpipe.stages.train.camera.run import train_camera as run

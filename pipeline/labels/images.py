@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from advpipe.pipeline.core.bounded_parquet import ColumnType, rows
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.bounded_parquet import ColumnType
 from advpipe.pipeline.labels.columns import Columns
+from advpipe.pipeline.labels.optional_rows import optional_rows
 
 FILE = "camera_labels.parquet"
 
@@ -46,11 +46,4 @@ def read_image_labels(bag: Path) -> Iterator[dict[str, Any]]:
 
     bag: its folder, or the file in it. Raises AdvpipeError for a file that holds no such labels.
     """
-    path = (bag if bag.is_dir() else bag.parent) / FILE
-    if not path.exists():
-        return
-    try:
-        yield from rows(path, _READ)
-    except AdvpipeError as error:
-        reason = str(error).removeprefix(f"{path}: ")
-        raise AdvpipeError(f"{path} holds no camera labels: {reason}; attack again") from None
+    return optional_rows(bag, FILE, _READ, "camera")

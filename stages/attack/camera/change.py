@@ -14,13 +14,12 @@ from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_cameras import RecordedCamera, cameras_of
-from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.labels.images import DROPPED, FILE, IMAGE_COLUMNS
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.compressed_image import UInt8, image_from_cdr, image_to_cdr, png_file
 from advpipe.pipeline.scenario.acting import acting_on_messages
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.attacked_sensors import attacked_sensors
 from advpipe.stages.attack.camera.base import CameraImage
 from advpipe.stages.attack.camera.drive import RecordedDrive, SceneTaker
 from advpipe.stages.attack.camera.planned import PlannedAttack
@@ -172,23 +171,6 @@ def attack_cameras(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) 
 
 
 def attacked_cameras(bag: str, spec: AttackSpec, cameras: Sequence[RecordedCamera]) -> list[RecordedCamera]:
-    """The cameras that an attack acts on, of those in a bag. Raises AdvpipeError where there is none."""
-    vehicles = sorted({one.vehicle for one in cameras})
-    if not vehicles:
-        raise UsageError(
-            f"{spec.type}: {bag} has no camera (no topic of sensor_msgs/CompressedImage named "
-            "/vehicle/camera/image/compressed)"
-        )
-    victim = spec.victim or (vehicles[0] if len(vehicles) == 1 else "ego")
-    own = [one for one in cameras if one.vehicle == victim]
-    if not own:
-        raise UsageError(
-            f"{spec.type}: {victim} has no camera in {bag}; "
-            f"{known_names(victim, vehicles, 'those with cameras')}"
-        )
-    name = resolved_parameters(spec, CAMERA_ATTACKS.find(spec.type)).get("camera", "")
-    chosen = [one for one in own if name in ("", one.name)]
-    if not chosen:
-        known = known_names(str(name), [one.name for one in own])
-        raise UsageError(f"{spec.type}: {victim} has no camera {name!r}; {known}")
-    return chosen
+    """The cameras that an attack acts on, of those in a bag. Raises UsageError where there is none."""
+    topic = "sensor_msgs/CompressedImage named /vehicle/camera/image/compressed"
+    return attacked_sensors(bag, spec, CAMERA_ATTACKS.find(spec.type), cameras, "camera", topic)

@@ -12,15 +12,14 @@ from advpipe.pipeline.bag.ground_truth import GroundTruth, objects_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.recorded_radars import RecordedRadar, recorded_radars
 from advpipe.pipeline.core.errors import UsageError
-from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.scans import FILE, SCAN_COLUMNS
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.radar import StampedScan, radar_cloud_to_cdr, scan_from_cdr, scan_to_cdr
 from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.attacked_sensors import attacked_sensors
 from advpipe.stages.attack.label_spool import LabelSpool
-from advpipe.stages.attack.parameters import resolved_parameters
 from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
 from advpipe.stages.attack.radar.schedule import ScanAttackSchedule
 from advpipe.stages.attack.recording import recording_of
@@ -124,20 +123,6 @@ def attack_radars(reader: BagReader, attacks: Sequence[AttackSpec], seed: int) -
 
 
 def attacked_radars(bag: str, spec: AttackSpec, radars: Sequence[RecordedRadar]) -> list[RecordedRadar]:
-    """The radars that an attack acts on, of those in a bag. Raises AdvpipeError where there is none."""
-    vehicles = sorted({one.vehicle for one in radars})
-    if not vehicles:
-        raise UsageError(f"{spec.type}: {bag} has no radar (no topic of radar_msgs/RadarScan by advpipe)")
-    victim = spec.victim or (vehicles[0] if len(vehicles) == 1 else "ego")
-    own = [one for one in radars if one.vehicle == victim]
-    if not own:
-        raise UsageError(
-            f"{spec.type}: {victim} has no radar in {bag}; "
-            f"{known_names(victim, vehicles, 'those with radars')}"
-        )
-    name = resolved_parameters(spec, RADAR_ATTACKS.find(spec.type)).get("radar", "")
-    chosen = [one for one in own if name in ("", one.name)]
-    if not chosen:
-        known = known_names(str(name), [one.name for one in own])
-        raise UsageError(f"{spec.type}: {victim} has no radar {name!r}; {known}")
-    return chosen
+    """The radars that an attack acts on, of those in a bag. Raises UsageError where there is none."""
+    topic = "radar_msgs/RadarScan by advpipe"
+    return attacked_sensors(bag, spec, RADAR_ATTACKS.find(spec.type), radars, "radar", topic)
