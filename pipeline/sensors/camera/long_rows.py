@@ -24,3 +24,11 @@ def along(direction: npt.ArrayLike, vectors: Float32) -> Float32:
 def turned(matrix: npt.ArrayLike, vectors: Float32) -> Float32:
     """The products (3, K) of a matrix (3, 3) with vectors (3, K)."""
     return np.stack([along(row, vectors) for row in np.asarray(matrix, np.float32)])
+
+
+def chosen_columns(vectors: Float32, chosen: npt.NDArray[np.int64]) -> Float32:
+    """The chosen (N,) of vectors (3, K), as (3, N); the indices are not checked."""
+    found = np.empty((len(vectors), len(chosen)), vectors.dtype)
+    for row, out in zip(vectors, found, strict=True):
+        np.take(row, chosen, out=out, mode="clip")
+    return found

@@ -95,7 +95,7 @@ class Photographer:
                 return
             light[pixels] = self._openness(boxes, surfaces, view, pixels, top)
             openness = light[pixels][surfaces.rays]
-            radiance[:, pixels] = shading.radiance(surfaces, rays, is_lit, openness, view.map_SE3_base)
+            radiance[:, pixels] = shading.radiance(surfaces, is_lit, openness, view.map_SE3_base)
 
         list(self._workers.map(band, range(0, height, rows)))
         layers = first.layers(self._blind, width)
@@ -127,7 +127,7 @@ class Photographer:
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = _sun_lit(world, shading, surfaces)
             openness = light[pixels][surfaces.rays % len(pixels)]
-            further = shading.radiance(surfaces, rays, is_lit, openness, view.map_SE3_base)
+            further = shading.radiance(surfaces, is_lit, openness, view.map_SE3_base)
             total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
             radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
 

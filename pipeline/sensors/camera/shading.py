@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.camera.haze import extinction_per_m, veil
-from advpipe.pipeline.sensors.camera.long_rows import along, turned
+from advpipe.pipeline.sensors.camera.long_rows import along, chosen_columns, turned
 from advpipe.pipeline.sensors.camera.sky_map import SkyMap
 from advpipe.pipeline.sensors.camera.surfaces import HEAD_LAMP, NO_LAMP, Surfaces
 
@@ -58,15 +58,13 @@ class Shading:
 
     def shadow_origins(self, surfaces: Surfaces, chosen: npt.NDArray[np.int64]) -> Float32:
         """Points (3, N) just above the chosen surfaces, from which shadow rays start."""
-        points: Float32 = np.take(surfaces.points_m, chosen, axis=1)
-        points += np.float32(0.012) * np.take(surfaces.normals, chosen, axis=1)
+        points = chosen_columns(surfaces.points_m, chosen)
+        points += np.float32(0.012) * chosen_columns(surfaces.normals, chosen)
         points += (np.float32(0.012) * self._sun)[:, None]
         return points
 
-    def radiance(
-        self, surfaces: Surfaces, rays: Float32, is_lit: Bool, openness: Float32, beam: Float64
-    ) -> Float32:
-        """Luminance (3, R) in kcd/m^2 of each ray (R, 6).
+    def radiance(self, surfaces: Surfaces, is_lit: Bool, openness: Float32, beam: Float64) -> Float32:
+        """Luminance (3, R) in kcd/m^2 of each ray.
 
         is_lit: (K,), whether the sun shines on a surface. openness: (K,), share of the sky that it faces
         beside what its normal says. beam: pose (4, 4) of the vehicle whose low beams light the scene in the
@@ -76,19 +74,18 @@ class Shading:
         light *= surfaces.colour
         if self._is_wet:
             light[:, surfaces.wets] *= WET_COLOUR
-        self._mirror(light, surfaces, rays, is_lit, openness)
+        self._mirror(light, surfaces, is_lit, openness)
         self._lamps(light, surfaces)
-        radiance = np.empty((3, len(rays)), np.float32)
-        radiance[:, surfaces.rays] = light
-        sky = np.ones(len(rays), np.bool_)
-        sky[surfaces.rays] = False
-        beyond = np.flatnonzero(sky)
-        radiance[:, beyond] = self._sky.luminance(_directions(rays, beyond))
-        self._panes(radiance, surfaces, rays)
+        radiance = np.empty_like(surfaces.directions)
+        sky = self._sky.luminance(chosen_columns(surfaces.directions, surfaces.beyond))
+        for channel in range(3):
+            radiance[channel, surfaces.rays] = light[channel]
+            radiance[channel, surfaces.beyond] = sky[channel]
+        self._panes(radiance, surfaces)
         if self._extinction > 1e-4:
-            range_m = np.full(len(rays), np.inf, np.float32)
+            range_m = np.full(radiance.shape[1], np.inf, np.float32)
             range_m[surfaces.rays] = surfaces.range_m
-            veil(radiance, range_m, rays[:, 5], self._extinction, self._sky.horizon)
+            veil(radiance, range_m, surfaces.directions[2], self._extinction, self._sky.horizon)
         return radiance
 
     def _light(self, surfaces: Surfaces, is_lit: Bool, openness: Float32, beam: Float64) -> Float32:
@@ -96,7 +93,10 @@ class Shading:
         light: Float32 = turned(self._sky.ambient[1:].T, surfaces.normals)
         light += self._sky.ambient[0][:, None]
         darker = np.flatnonzero(openness < 1)
-        light[:, darker] *= openness[darker]
+        share = openness[darker]
+        inside = np.flatnonzero(surfaces.is_inside)
+        for channel in light:
+            channel[darker] *= share
         if self.has_sun:
             cos = along(self._sun, surfaces.normals)
             thin = np.flatnonzero(surfaces.is_thin)
@@ -107,12 +107,11 @@ class Shading:
                 light[channel] += cos * (self._sun_light[channel] / np.float32(np.pi))
         if self._is_dark:
             light += _low_beams(surfaces, beam)
-        light[:, surfaces.is_inside] *= INSIDE
+        for channel in light:
+            channel[inside] *= INSIDE
         return light
 
-    def _mirror(
-        self, radiance: Float32, surfaces: Surfaces, rays: Float32, is_lit: Bool, openness: Float32
-    ) -> None:
+    def _mirror(self, radiance: Float32, surfaces: Surfaces, is_lit: Bool, openness: Float32) -> None:
         """Add what smooth surfaces reflect of the sky and the sun."""
         specular = surfaces.specular
         if self._is_wet:
@@ -120,8 +119,9 @@ class Shading:
         smooth = np.flatnonzero((specular > 0) & ~surfaces.is_inside)
         if not len(smooth):
             return
-        directions = _directions(rays, surfaces.rays[smooth])
-        fresnel, mirrored = _reflected(directions, surfaces.normals[:, smooth], specular[smooth])
+        directions = chosen_columns(surfaces.directions, surfaces.rays[smooth])
+        normals = chosen_columns(surfaces.normals, smooth)
+        fresnel, mirrored = _reflected(directions, normals, specular[smooth])
         image = self._sky.luminance(mirrored)
         image *= openness[smooth]
         if self._is_wet:  # what stands beside the road is darker than the sky above it
@@ -132,7 +132,8 @@ class Shading:
             lobe = GLOSS_PEAK * towards[glint] ** GLOSS_POWER
             image[:, glint] += self._sun_light[:, None] * lobe
         image *= fresnel
-        radiance[:, smooth] = radiance[:, smooth] * (1 - fresnel) + image
+        for own, reflected in zip(radiance, image, strict=True):
+            own[smooth] = own[smooth] * (1 - fresnel) + reflected
 
     def _lamps(self, radiance: Float32, surfaces: Surfaces) -> None:
         lamps = np.flatnonzero(surfaces.lamps != NO_LAMP)
@@ -143,22 +144,17 @@ class Shading:
         tail = np.array([[0.9], [0.02], [0.02]], np.float32) * glow * np.float32(0.25)
         radiance[:, lamps] += np.where(surfaces.lamps[lamps] == HEAD_LAMP, head, tail)
 
-    def _panes(self, radiance: Float32, surfaces: Surfaces, rays: Float32) -> None:
+    def _panes(self, radiance: Float32, surfaces: Surfaces) -> None:
         panes = surfaces.panes
         if not len(panes.rays):
             return
         specular = np.full(len(panes.rays), PANE_SPECULAR)
-        fresnel, mirrored = _reflected(_directions(rays, panes.rays), panes.normals, specular)
+        directions = chosen_columns(surfaces.directions, panes.rays)
+        fresnel, mirrored = _reflected(directions, panes.normals, specular)
         image = self._sky.luminance(mirrored) * fresnel
         for channel in range(3):
             np.multiply.at(radiance[channel], panes.rays, panes.transmittance)
             np.add.at(radiance[channel], panes.rays, image[channel])
-
-
-def _directions(rays: Float32, chosen: npt.NDArray[np.int64]) -> Float32:
-    """Directions (3, N) of the chosen rays."""
-    directions: Float32 = np.ascontiguousarray(np.take(rays[:, 3:], chosen, axis=0).T)
-    return directions
 
 
 def _reflected(directions: Float32, normals: Float32, specular: Float32) -> tuple[Float32, Float32]:

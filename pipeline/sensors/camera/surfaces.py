@@ -33,8 +33,9 @@ class Surfaces:
 
     Vectors are stored component by component, in three long rows: numpy is slow on many short ones.
 
-    rays: (K,) int64, their indices, in any order. range_m: (K,) float32. points_m, normals: (3, K) float32
-    in the map frame, normals towards the camera. colour: (3, K) float32, linear diffuse reflectance of
+    directions: (3, R) float32, of all rays. rays: (K,) int64, their indices, in any order. beyond: (R - K,)
+    int64, those of the other rays. range_m: (K,) float32. points_m, normals: (3, K) float32 in the map frame,
+    normals towards the camera. colour: (3, K) float32, linear diffuse reflectance of
     visible light in the primaries of sRGB. specular: (K,) float32, reflectance of a smooth surface at normal
     incidence. is_thin: (K,) bool, whether light shines through, as through leaves. is_fine: (K,) bool,
     whether it has detail below a pixel. wets: (K,) bool, whether it is a road that rain wets. is_inside:
@@ -45,7 +46,9 @@ class Surfaces:
     were there.
     """
 
+    directions: Float32
     rays: Int64
+    beyond: Int64
     range_m: Float32
     points_m: Float32
     normals: Float32

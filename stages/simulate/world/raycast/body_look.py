@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +36,7 @@ TARPAULINS = np.array(
 TAIL_GLASS = np.array([0.35, 0.01, 0.01], np.float32)
 
 _PERSON = SEMANTIC_CLASSES.index("person")
-_CLOTHES = np.array([MATERIAL_ID["cloth"], MATERIAL_ID["cloth_dark"]], np.uint8)
+_IS_CLOTH = np.array([name in ("cloth", "cloth_dark") for name in MATERIAL_ID])
 
 
 def body_tag(body: Body) -> int:
@@ -45,6 +46,27 @@ def body_tag(body: Body) -> int:
     if body.label == "cyclist":
         return TAG["Bicycle"] if body.station_type is None else TAG["Motorcycle"]
     return TAG["Car"] if body.label == "car" else TAG["Pedestrian"]
+
+
+@dataclass(frozen=True)
+class UserTraits:
+    """What the looks of U road users depend on. numbers: (U,) int64, drawn by their ids. height_m: (U,).
+    is_on_foot: (U,) bool, whether their clothes are seen. tags: (U,) uint8, CARLA's."""
+
+    numbers: npt.NDArray[np.int64]
+    height_m: Float32
+    is_on_foot: npt.NDArray[np.bool_]
+    tags: UInt8
+
+    @classmethod
+    def of(cls, users: Sequence[RoadUser]) -> UserTraits:
+        bodies = [user.variant.body for user in users]
+        return cls(
+            np.array([zlib.crc32(user.id.encode()) for user in users], np.int64),
+            np.array([user.variant.height_m for user in users], np.float32),
+            np.array([body.label in ("pedestrian", "cyclist") for body in bodies], np.bool_),
+            np.array([body_tag(body) for body in bodies], np.uint8),
+        )
 
 
 class BodyLook:
@@ -59,23 +81,20 @@ class BodyLook:
         return found
 
     def colours(
-        self, materials: UInt8, users: Sequence[RoadUser], user_of: npt.NDArray[np.int64], local_m: Float32
+        self, materials: UInt8, traits: UserTraits, user_of: npt.NDArray[np.int64], local_m: Float32
     ) -> tuple[Float32, UInt8]:
-        """Colours (N, 3) and lamps (N,) at points (N, 3) in the frames of their road users (N,)."""
-        numbers = np.array([zlib.crc32(user.id.encode()) for user in users], np.int64)[user_of]
-        height = np.array([user.variant.height_m for user in users], np.float32)[user_of]
-        is_on_foot = np.array([user.variant.body.label in ("pedestrian", "cyclist") for user in users])[
-            user_of
-        ]
+        """Colours (N, 3) and lamps (N,) at points (3, N) in the frames of their road users (N,)."""
+        numbers = np.take(traits.numbers, user_of)
+        is_on_foot = np.take(traits.is_on_foot, user_of)
         colours = COLOUR[materials]
         colours *= (np.float32(0.9) + (numbers % 17).astype(np.float32) * np.float32(0.012))[:, None]
         lamps = np.full(len(materials), NO_LAMP, np.uint8)
         lamp = np.flatnonzero(materials == MATERIAL_ID["lamp"])
-        rear = local_m[lamp, 0] < 0
+        rear = local_m[0, lamp] < 0
         lamps[lamp] = np.where(rear, TAIL_LAMP, HEAD_LAMP)
         colours[lamp[rear]] = TAIL_GLASS
-        share = local_m[:, 2] / height
-        clothes = np.flatnonzero(np.isin(materials, _CLOTHES) & is_on_foot)
+        share = local_m[2] / np.take(traits.height_m, user_of)
+        clothes = np.flatnonzero(_IS_CLOTH[materials] & is_on_foot)
         upper = share[clothes] > 0.5
         colours[clothes[upper]] = SHIRTS[numbers[clothes[upper]] % len(SHIRTS)]
         colours[clothes[~upper]] = TROUSERS[numbers[clothes[~upper]] // 16 % len(TROUSERS)]
@@ -83,7 +102,7 @@ class BodyLook:
         colours[hair] = HAIR[numbers[hair] // 128 % len(HAIR)]
         sheet = np.flatnonzero(materials == MATERIAL_ID["tarpaulin"])
         colours[sheet] = TARPAULINS[numbers[sheet] // 8 % len(TARPAULINS)]
-        _letter(colours, np.flatnonzero(materials == MATERIAL_ID["plate"]), numbers, local_m[:, 1])
+        _letter(colours, np.flatnonzero(materials == MATERIAL_ID["plate"]), numbers, local_m[1])
         return colours, lamps
 
 
@@ -97,10 +116,9 @@ def _letter(
     colours[plate[np.abs(place) > 0.225]] = (0.03, 0.1, 0.5)
 
 
-def body_tags(materials: UInt8, users: Sequence[RoadUser], user_of: npt.NDArray[np.int64]) -> UInt8:
+def body_tags(materials: UInt8, traits: UserTraits, user_of: npt.NDArray[np.int64]) -> UInt8:
     """CARLA's semantic tags (N,): a person on two wheels is a rider; people in cars belong to the car."""
-    of_user = np.array([body_tag(user.variant.body) for user in users], np.uint8)
-    tags = of_user[user_of]
-    is_two_wheeled = np.isin(tags, (TAG["Bicycle"], TAG["Motorcycle"]))
+    tags = np.take(traits.tags, user_of)
+    is_two_wheeled = (tags == TAG["Bicycle"]) | (tags == TAG["Motorcycle"])
     tags[is_two_wheeled & (SEMANTIC[materials] == _PERSON)] = TAG["Rider"]
     return tags

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.sensors.camera.long_rows import chosen_columns
 from advpipe.stages.simulate.bodies import Variant
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
+from advpipe.stages.simulate.world.raycast.placed_users import PlacedUsers
 from advpipe.stages.simulate.world.raycast.scene import Float32, Returns, Scene
 from advpipe.stages.simulate.world.raycast.sun_beams import SunBeams
 from advpipe.stages.simulate.world.raycast.visible_hits import VisibleHits
@@ -70,72 +71,55 @@ class InstancedBodies:
         """See `Scene.prepare`."""
         self._scene.prepare()
 
+    def placed(self, users: Sequence[RoadUser]) -> PlacedUsers:
+        """The road users as arrays; those that are already stay as they are."""
+        if isinstance(users, PlacedUsers):
+            return users
+        slots = np.array([self._slot[user.variant.name] for user in users], dtype=np.int64)
+        return PlacedUsers(users, slots, self._centre_m[slots], self._half_m[slots])
+
     def candidate_hits(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateHits:
         """Cast those of the rays (R, 6) in the map's frame that may hit a road user."""
-        slots, map_SE3_box = self._boxes(users)
-        chosen, user_of_ray = SortedRays(rays).pairs(map_SE3_box, self._half_m[slots])
-        local, start_m = self._local(rays[chosen], map_SE3_box, slots, user_of_ray)
-        returns = self._scene.returns(local, slots.astype(np.int32)[user_of_ray])
+        placed = self.placed(users)
+        chosen, user_of_ray = SortedRays(rays).pairs(placed.map_SE3_box, placed.half_m)
+        columns = np.ascontiguousarray(rays[chosen].T)
+        local, start_m = self._local(columns[:3], columns[3:], placed, user_of_ray)
+        returns = self._scene.returns(local, placed.slots.astype(np.int32)[user_of_ray])
         returns.range_m[:] += start_m
         returns.panes.range_m[:] += start_m[returns.panes.rays]
         return CandidateHits(chosen, user_of_ray, returns)
 
     def candidate_sights(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateSights:
-        """Cast those of the rays (R, 6) of visible light that may hit a road user."""
-        slots, map_SE3_box = self._boxes(users)
-        chosen, user_of_ray = SortedRays(rays).pairs(map_SE3_box, self._half_m[slots])
-        local, start_m = self._local(rays[chosen], map_SE3_box, slots, user_of_ray)
-        sight = self._scene.sight(local, slots.astype(np.int32)[user_of_ray])
+        """Cast those of the rays (R, 6) of visible light, from one origin, that may hit a road user."""
+        placed = self.placed(users)
+        chosen, user_of_ray = SortedRays(rays).pairs(placed.map_SE3_box, placed.half_m)
+        directions = np.ascontiguousarray(np.take(rays, chosen, axis=0)[:, 3:].T)
+        local, start_m = self._local(rays[:1, :3].T, directions, placed, user_of_ray)
+        sight = self._scene.sight(local, placed.slots.astype(np.int32)[user_of_ray])
         sight.range_m[:] += start_m
         sight.panes.range_m[:] += start_m[sight.panes.rays]
         return CandidateSights(chosen, user_of_ray, sight)
 
     def shades(self, points_m: Float32, sun: Float32, users: Sequence[RoadUser]) -> npt.NDArray[np.bool_]:
         """Whether a road user is between each of the points (3, N) and the sun, in the direction (3,)."""
-        slots, map_SE3_box = self._boxes(users)
+        placed = self.placed(users)
         shaded = np.zeros(points_m.shape[1], np.bool_)
-        chosen, user_of_ray = SunBeams(points_m, sun).pairs(map_SE3_box, self._half_m[slots])
-        rays = np.empty((len(chosen), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = points_m[:, chosen].T, sun
-        local, _ = self._local(rays, map_SE3_box, slots, user_of_ray)
-        shaded[chosen[self._scene.is_met(local, slots.astype(np.int32)[user_of_ray])]] = True
+        chosen, user_of_ray = SunBeams(points_m, sun).pairs(placed.map_SE3_box, placed.half_m)
+        local, _ = self._local(chosen_columns(points_m, chosen), sun[:, None], placed, user_of_ray)
+        shaded[chosen[self._scene.is_met(local, placed.slots.astype(np.int32)[user_of_ray])]] = True
         return shaded
 
-    def _boxes(self, users: Sequence[RoadUser]) -> tuple[npt.NDArray[np.int64], Float64]:
-        """The place of each user's variant in the stack, and the pose (4, 4) of its box's centre."""
-        slots = np.array([self._slot[user.variant.name] for user in users], dtype=np.int64)
-        map_SE3_box = np.array([user.map_SE3_base for user in users], dtype=np.float64).reshape(-1, 4, 4)
-        map_SE3_box[:, :3, 3] += map_SE3_box[:, :3, 2] * self._centre_m[slots, None]
-        return slots, map_SE3_box
-
     def _local(
-        self,
-        rays: Float32,
-        map_SE3_box: Float64,
-        slots: npt.NDArray[np.int64],
-        user_of_ray: npt.NDArray[np.int64],
+        self, origins_m: Float32, directions: Float32, placed: PlacedUsers, user_of_ray: npt.NDArray[np.int64]
     ) -> tuple[Float32, Float32]:
-        """Rays in the stack's frame, and how far (N,) each has gone by then."""
-        local, start_m = self._in_box_frames(rays, map_SE3_box, self._radius_m[slots], user_of_ray)
-        local[:, 2] += (self._slot_z_m + self._centre_m)[slots].astype(np.float32)[user_of_ray]
-        return local, start_m
-
-    @staticmethod
-    def _in_box_frames(
-        rays: Float32, map_SE3_box: Float64, radius_m: Float64, box_of_ray: npt.NDArray[np.int64]
-    ) -> tuple[Float32, Float32]:
-        """Rays in their boxes' frames, starting at the sphere around the box; their distances (N,) to it."""
-        # Component by component: numpy is faster on a few long arrays than on many short vectors.
-        rotation = np.ascontiguousarray(map_SE3_box[:, :3, :3].reshape(-1, 9).T, np.float32)[:, box_of_ray]
-        centre_m = np.ascontiguousarray(map_SE3_box[:, :3, 3].T, np.float32)[:, box_of_ray]
-        columns = np.ascontiguousarray(rays.T)
-        away, direction = columns[:3] - centre_m, columns[3:]
-        start_m = np.maximum(
-            -(away * direction).sum(axis=0) - radius_m.astype(np.float32)[box_of_ray], np.float32(0)
-        )
-        away += start_m * direction
-        local = np.empty_like(rays)
-        for axis in range(3):
-            local[:, axis] = sum(rotation[3 * row + axis] * away[row] for row in range(3))
-            local[:, 3 + axis] = sum(rotation[3 * row + axis] * direction[row] for row in range(3))
+        """Rays (N, 6) in the stack's frame, and how far (N,) each has gone by then: to the sphere around the
+        body. origins_m, directions: (3, N), or (3, 1) for all."""
+        away = origins_m - np.take(placed.centres_m, user_of_ray, axis=1, mode="clip")
+        radius_m = self._radius_m.astype(np.float32)[placed.slots]
+        start_m = np.maximum(-(away * directions).sum(axis=0) - radius_m[user_of_ray], np.float32(0))
+        away += start_m * directions
+        local = np.empty((len(user_of_ray), 6), np.float32)
+        for column, row in enumerate(placed.turned_back(user_of_ray, away, directions)):
+            local[:, column] = row
+        local[:, 2] += (self._slot_z_m + self._centre_m).astype(np.float32)[placed.slots][user_of_ray]
         return local, start_m

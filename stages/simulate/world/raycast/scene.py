@@ -37,6 +37,8 @@ reflects the light away from the sensor (Foster, Sun, Park, Kuipers: VisAGGE, IC
 
 STEP_M = np.float32(1e-3)
 
+_ONE_WAY = np.sqrt(CLARITY)
+
 
 @dataclass(frozen=True)
 class MaterialHits(Hits):
@@ -205,10 +207,12 @@ class Scene:
             if not len(through):
                 break
             panes = self._materials[triangles[through]]
-            passed.append((through, range_m[through], np.sqrt(CLARITY[panes]), normals[through]))
-            start_m = range_m[through] + STEP_M
-            onward = rays[through]
-            onward[:, :3] += start_m[:, None] * onward[:, 3:]
+            at_m = np.take(range_m, through)
+            passed.append((through, at_m, _ONE_WAY[panes], np.take(normals, through, axis=0)))
+            start_m = at_m + STEP_M
+            onward = np.take(rays, through, axis=0)
+            for axis in range(3):
+                onward[:, axis] += start_m * onward[:, 3 + axis]
             found_m, found_normals, found = self._nearest(onward, None if parts is None else parts[through])
             range_m[through], normals[through], triangles[through] = start_m + found_m, found_normals, found
             through = through[self._is_pane[found]]
@@ -222,10 +226,11 @@ class Scene:
         found: npt.NDArray[np.uint8] = self._materials[triangles]
         return found
 
-    def normals_of(self, triangles: npt.NDArray[np.intp], out: Float32) -> None:
+    def normals_of(self, triangles: npt.NDArray[np.int32], out: Float32) -> None:
         """Write the normals, of either side, of triangles (N,) as rows (3, N)."""
+        places = triangles.astype(np.intp)
         for axis in range(3):
-            out[axis] = np.take(self._normals[axis], triangles, mode="clip")
+            np.take(self._normals[axis], places, out=out[axis], mode="clip")
 
     def is_occluded(self, rays: Float32) -> npt.NDArray[np.bool_]:
         """Whether each ray (R, 6) meets anything, panes included."""

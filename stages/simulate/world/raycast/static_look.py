@@ -69,31 +69,29 @@ class StaticLook:
     def paint(
         self,
         colour: Float32,
-        materials: UInt8,
-        triangles: npt.NDArray[np.intp],
+        present: UInt8,
+        counts: npt.NDArray[np.intp],
+        triangles: npt.NDArray[np.int32],
         points_m: Float32,
         normals: Float32,
         detail_m: Float32,
     ) -> None:
         """Write the colours of the first N of K points (3, K), which are in the order of their materials.
 
-        colour, normals: (3, K). materials, triangles: (N,). detail_m: (K,), size of a pixel there.
+        colour, normals: (3, K). present, counts: (M,), the materials and how many points are of each.
+        triangles: (N,). detail_m: (K,), size of a pixel there.
         """
-        if not len(materials):
-            return
-        present, starts = np.unique(materials, return_index=True)
-        factor = np.ones(len(materials), np.float32)
-        ends = [*starts[1:].tolist(), len(materials)]
+        places = triangles.astype(np.intp)
         for channel in range(3):
-            np.take(self._channels[channel], triangles, out=colour[channel, : len(materials)], mode="clip")
-        for material, start, end in zip(present, starts.tolist(), ends, strict=True):
+            np.take(self._channels[channel], places, out=colour[channel, : len(places)], mode="clip")
+        ends = np.cumsum(counts)
+        for material, start, end in zip(present, (ends - counts).tolist(), ends.tolist(), strict=True):
             part = slice(start, end)
             if TEXTURE[material] != "plain":
                 patch = _patch(points_m[:, part], normals[:, part], detail_m[part])
-                factor[part] = TEXTURES[TEXTURE[material]](patch)
+                colour[:, part] *= TEXTURES[TEXTURE[material]](patch)
             elif material == MATERIAL_ID["sign"]:
                 colour[:, part] = self._faces.colours(triangles[part], points_m[:, part].T).T
-        colour[:, : len(materials)] *= factor
 
 
 def _patch(points_m: Float32, normals: Float32, detail_m: Float32) -> Patch:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.sensors.camera.long_rows import chosen_columns
 from advpipe.pipeline.sensors.camera.palette import TAG
 from advpipe.pipeline.sensors.camera.surfaces import PaneViews, Surfaces
 from advpipe.stages.simulate.traffic.road_users import RoadUser
@@ -21,6 +23,7 @@ from advpipe.stages.simulate.world.raycast.materials import (
     SPECULAR,
     TEXTURE,
 )
+from advpipe.stages.simulate.world.raycast.placed_users import PlacedUsers
 from advpipe.stages.simulate.world.raycast.scene import Scene
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
 from advpipe.stages.simulate.world.raycast.visible_hits import VisibleHits
@@ -47,7 +50,7 @@ _STATIC_TAGS = np.array([TAG[_TAG_OF_CLASS[SEMANTIC_CLASSES[each]]] for each in 
 _STATIC_TAGS[MATERIAL_ID["rail"]] = TAG["GuardRail"]
 _IS_THIN = np.array([texture == "leaves" for texture in TEXTURE])
 _IS_FINE = np.array([name in ("sign", "plate", "lamp") for name in MATERIAL_ID])
-_LAST = np.uint8(255)
+_BODY, _SKY = 254, 255
 _IS_ROOM = np.array([name == "room" for name in MATERIAL_ID])
 _WETS = np.array([SEMANTIC_CLASSES[each] in ("road", "marking", "pavement") for each in SEMANTIC])
 
@@ -59,57 +62,79 @@ class Viewer:
         self._static, self._look = static, look
         self._bodies, self._body_look = bodies, body_look
 
+    def placed(self, users: Sequence[RoadUser]) -> PlacedUsers:
+        """See `InstancedBodies.placed`."""
+        return self._bodies.placed(users)
+
     def surfaces(self, rays: Float32, users: Sequence[RoadUser], pixel_rad: float) -> Surfaces:
         """The first opaque surface of each ray (R, 6) from one origin; objects index `users`."""
         static = self._static.sight(rays)
-        seen = self._bodies.candidate_sights(rays, users)
+        placed = self._bodies.placed(users)
+        seen = self._bodies.candidate_sights(rays, placed)
         alone = np.flatnonzero(seen.sight.triangles >= 0)
         first = _first(static, seen, alone)
         own = seen.rays[first]
         candidate_of = np.zeros(len(rays), np.int32)
         static.range_m[own], candidate_of[own] = seen.sight.range_m[first], first
-        # In the order of materials, so that each is one slice; road users come last.
+        # In the order of materials, so that each is one slice; road users come last, before the sky.
         keys = self._static.materials_of(static.triangles)
-        keys[own] = _LAST
-        met = np.flatnonzero(np.isfinite(static.range_m))
-        met = met[np.argsort(keys[met], kind="stable")]
-        materials = keys[met]
-        fixed = int(np.searchsorted(materials, _LAST))
-        range_m, triangles = static.range_m[met], static.triangles[met[:fixed]].astype(np.intp)
-        directions = np.stack([np.take(rays[:, axis], met, mode="clip") for axis in (3, 4, 5)])
+        keys[np.isinf(static.range_m)] = _SKY
+        keys[own] = _BODY
+        order = np.argsort(keys, kind="stable")
+        counts = np.bincount(keys, minlength=_SKY + 1)
+        fixed, count = int(counts[:_BODY].sum()), len(rays) - int(counts[_SKY])
+        met, present = order[:count], np.flatnonzero(counts[:_BODY]).astype(np.uint8)
+        range_m, triangles = np.take(static.range_m, met), np.take(static.triangles, met[:fixed])
+        all_directions = np.ascontiguousarray(rays[:, 3:].T)
+        directions = chosen_columns(all_directions, met)
         points_m = directions * range_m + rays[:1, :3].T
-        candidates = candidate_of[met[fixed:]]
+        candidates = np.take(candidate_of, met[fixed:])
         normals = np.empty_like(directions)
         self._static.normals_of(triangles, normals[:, :fixed])
-        rotations = np.array([user.map_SE3_base[:3, :3] for user in users], np.float32).reshape(-1, 3, 3)
-        user_of = seen.users[candidates]
-        normals[:, fixed:] = _turned(rotations[user_of], seen.sight.normals[candidates])
+        user_of = np.take(seen.users, candidates)
+        own_normals = np.ascontiguousarray(np.take(seen.sight.normals, candidates, axis=0).T)
+        normals[:, fixed:] = placed.turned(user_of, own_normals)
         cos = normals[0] * directions[0] + normals[1] * directions[1] + normals[2] * directions[2]
         normals *= -np.copysign(np.float32(1), cos)
-        colour, lamps = np.empty_like(directions), np.zeros(len(met), np.uint8)
+        colour, lamps = np.empty_like(directions), np.zeros(count, np.uint8)
         detail_m = range_m * np.float32(pixel_rad) / np.sqrt(np.maximum(np.abs(cos), np.float32(0.003)))
-        self._look.paint(colour, materials[:fixed], triangles, points_m, normals, detail_m)
-        objects = np.full(len(met), -1, np.int32)
-        objects[fixed:] = user_of
+        self._look.paint(colour, present, counts[present], triangles, points_m, normals, detail_m)
+        materials = np.empty(count, np.uint8)
+        materials[:fixed] = np.repeat(present, counts[present])
+        materials[fixed:] = self._body_look.materials(np.take(seen.sight.triangles, candidates))
+        tags, objects = np.empty(count, np.uint8), np.full(count, -1, np.int32)
+        tags[:fixed] = np.repeat(_STATIC_TAGS[present], counts[present])
         if len(user_of):
-            materials[fixed:] = self._body_look.materials(seen.sight.triangles[candidates])
-            local_m = _local_points(points_m[:, fixed:].T, users, user_of)
-            of_bodies, lamps[fixed:] = self._body_look.colours(materials[fixed:], users, user_of, local_m)
+            objects[fixed:] = user_of
+            local_m = placed.local_points(user_of, points_m[:, fixed:])
+            of_bodies, lamps[fixed:] = self._body_look.colours(
+                materials[fixed:], placed.traits, user_of, local_m
+            )
             colour[:, fixed:] = of_bodies.T
-        tags = _STATIC_TAGS[materials]
-        tags[fixed:] = body_tags(materials[fixed:], users, user_of) if len(user_of) else 0
-        panes = _panes(static, seen, rotations)
-        is_inside = _IS_ROOM[materials] | (_marked(len(rays), panes.rays)[met] & (objects >= 0))
+            tags[fixed:] = body_tags(materials[fixed:], placed.traits, user_of)
+        panes = _panes(static, seen, placed)
+
+        def by_material(table: npt.NDArray[Any]) -> npt.NDArray[Any]:
+            """The values (K,) of a table by material: in runs, but for road users."""
+            values = np.empty(count, table.dtype)
+            values[:fixed] = np.repeat(table[present], counts[present])
+            np.take(table, materials[fixed:], out=values[fixed:], mode="clip")
+            return values
+
+        is_inside = by_material(_IS_ROOM)
+        is_inside[fixed:] |= _marked(len(rays), panes.rays)[met[fixed:]]
         return Surfaces(
+            all_directions,
             met,
+            order[count:],
             range_m,
             points_m,
             normals,
             colour,
-            SPECULAR[materials],
-            _IS_THIN[materials],
-            _IS_FINE[materials],
-            _WETS[materials],
+            by_material(SPECULAR),
+            by_material(_IS_THIN),
+            by_material(_IS_FINE),
+            by_material(_WETS),
             is_inside,
             lamps,
             materials,
@@ -123,10 +148,11 @@ class Viewer:
     def is_shaded(self, points_m: Float32, sun: Float32, users: Sequence[RoadUser]) -> npt.NDArray[np.bool_]:
         """Whether the scene or a road user is between points (3, N) and the sun, in the direction (3,)."""
         rays = np.empty((points_m.shape[1], 6), np.float32)
-        rays[:, :3], rays[:, 3:] = points_m.T, sun
+        for axis in range(3):
+            rays[:, axis], rays[:, 3 + axis] = points_m[axis], sun[axis]
         shaded = self._static.is_occluded(rays)
         lit = np.flatnonzero(~shaded)
-        shaded[lit] = self._bodies.shades(np.take(points_m, lit, axis=1), sun, users)
+        shaded[lit] = self._bodies.shades(chosen_columns(points_m, lit), sun, users)
         return shaded
 
 
@@ -156,13 +182,6 @@ def _first(static: VisibleHits, seen: CandidateSights, alone: npt.NDArray[np.int
     return last[last >= 0]
 
 
-def _local_points(points_m: Float32, users: Sequence[RoadUser], user_of: npt.NDArray[np.int64]) -> Float32:
-    poses = np.array([user.map_SE3_base for user in users])
-    away = points_m - poses[user_of, :3, 3].astype(np.float32)
-    local: Float32 = np.einsum("nji,nj->ni", poses[:, :3, :3].astype(np.float32)[user_of], away)
-    return local
-
-
 def _marked(count: int, chosen: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """A mask (count,) of the chosen indices."""
     marked = np.zeros(count, np.bool_)
@@ -170,18 +189,16 @@ def _marked(count: int, chosen: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     return marked
 
 
-def _turned(rotations: Float32, vectors: Float32) -> Float32:
-    """Vectors (N, 3), each turned by its rotation (N, 3, 3), as rows (3, N)."""
-    turned: Float32 = np.einsum("nij,nj->in", rotations, vectors)
-    return turned
-
-
-def _panes(static: VisibleHits, seen: CandidateSights, rotations: Float32) -> PaneViews:
+def _panes(static: VisibleHits, seen: CandidateSights, placed: PlacedUsers) -> PaneViews:
     """The panes before the surfaces that rays see; `static` has the range of the nearest one."""
-    moving = seen.sight.panes
-    rays = np.concatenate([static.panes.rays, seen.rays[moving.rays]])
-    near = np.concatenate([static.panes.range_m, moving.range_m]) < static.range_m[rays]
-    transmittance = np.concatenate([static.panes.transmittance, moving.transmittance])
-    turned = _turned(rotations[seen.users[moving.rays]], moving.normals)
-    normals = np.concatenate([static.panes.normals.T, turned], axis=1)[:, near]
-    return PaneViews(rays[near], transmittance[near], normals)
+    moving, fixed = seen.sight.panes, static.panes
+    rays, range_m = np.take(seen.rays, moving.rays), moving.range_m
+    near = np.flatnonzero(range_m < np.take(static.range_m, rays))
+    before = np.flatnonzero(fixed.range_m < np.take(static.range_m, fixed.rays))
+    user_of = np.take(seen.users, np.take(moving.rays, near))
+    turned = placed.turned(user_of, np.ascontiguousarray(np.take(moving.normals, near, axis=0).T))
+    return PaneViews(
+        np.concatenate([fixed.rays[before], rays[near]]),
+        np.concatenate([fixed.transmittance[before], moving.transmittance[near]]),
+        np.concatenate([fixed.normals[before].T, turned], axis=1),
+    )

@@ -28,6 +28,7 @@ from advpipe.stages.simulate.world.raycast.markings import build_markings
 from advpipe.stages.simulate.world.raycast.mesh import merge
 from advpipe.stages.simulate.world.raycast.occupied import Occupied, walkways
 from advpipe.stages.simulate.world.raycast.parking import park_cars
+from advpipe.stages.simulate.world.raycast.placed_users import PlacedUsers
 from advpipe.stages.simulate.world.raycast.scene import Float32, MaterialHits, Returns, Scene
 from advpipe.stages.simulate.world.raycast.scenery import build_scenery
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
@@ -129,6 +130,7 @@ class RaycastSurroundings:
     def __init__(self, world: RaycastWorld, carrier: RoadUser, users: Sequence[RoadUser]) -> None:
         self._world, self._carrier, self._users = world, carrier, users
         self._near: dict[float, tuple[list[RoadUser], npt.NDArray[np.int64]]] = {}
+        self._placed: dict[tuple[float, float, bool], PlacedUsers] = {}
 
     def road_users(self, range_m: float) -> Boxes:
         moving, parked = self._within(range_m)
@@ -148,15 +150,19 @@ class RaycastSurroundings:
         return self._world.cast_body(rays, self._carrier)
 
     def surfaces(self, rays: Float32, range_m: float, pixel_rad: float, time_s: float = 0.0) -> Surfaces:
-        users = self._near_users(range_m)
-        return self._world.viewer.surfaces(rays, moved_on(users, time_s) if time_s else users, pixel_rad)
+        return self._world.viewer.surfaces(rays, self._near_users(range_m, time_s), pixel_rad)
 
     def is_shaded(self, points_m: Float32, sun: Float32, range_m: float) -> npt.NDArray[np.bool_]:
-        return self._world.viewer.is_shaded(points_m, sun, [*self._near_users(range_m), self._carrier])
+        return self._world.viewer.is_shaded(points_m, sun, self._near_users(range_m, with_carrier=True))
 
-    def _near_users(self, range_m: float) -> list[RoadUser]:
-        moving, parked = self._within(range_m)
-        return [*moving, *(self._world.parked[index] for index in parked)]
+    def _near_users(self, range_m: float, time_s: float = 0.0, with_carrier: bool = False) -> PlacedUsers:
+        key = range_m, time_s, with_carrier
+        if key not in self._placed:
+            moving, parked = self._within(range_m)
+            users = [*moving, *(self._world.parked[index] for index in parked)]
+            users += [self._carrier] if with_carrier else []
+            self._placed[key] = self._world.viewer.placed(moved_on(users, time_s) if time_s else users)
+        return self._placed[key]
 
     def _within(self, range_m: float) -> tuple[list[RoadUser], npt.NDArray[np.int64]]:
         """The moving road users within the range, and the indices of the parked cars within it."""

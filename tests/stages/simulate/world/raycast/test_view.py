@@ -14,7 +14,7 @@ from advpipe.pipeline.sensors.camera.surfaces import HEAD_LAMP, TAIL_LAMP
 from advpipe.stages.simulate.bodies import BODIES, draw_variants
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast import materials
-from advpipe.stages.simulate.world.raycast.body_look import BodyLook, body_tag
+from advpipe.stages.simulate.world.raycast.body_look import BodyLook, UserTraits, body_tag
 from advpipe.stages.simulate.world.raycast.body_meshes import body_meshes
 from advpipe.stages.simulate.world.raycast.instanced_bodies import InstancedBodies
 from advpipe.stages.simulate.world.raycast.mesh import box_mesh, merge, surface
@@ -119,7 +119,7 @@ def test_lamps_are_white_ahead_and_red_behind(viewer: Viewer) -> None:
     look = BodyLook([MESHES["sedan.0"]])
     ids = np.full(2, materials.MATERIAL_ID["lamp"], np.uint8)
     ends = np.array([[2.3, 0.5, 0.6], [-2.3, 0.5, 0.6]], np.float32)
-    colours, lamps = look.colours(ids, [car], np.zeros(2, np.int64), ends)
+    colours, lamps = look.colours(ids, UserTraits.of([car]), np.zeros(2, np.int64), ends.T)
     assert lamps.tolist() == [HEAD_LAMP, TAIL_LAMP]
     assert colours[1, 0] > 5 * colours[1, 1]
 
@@ -129,7 +129,7 @@ def test_two_pedestrians_wear_different_clothes() -> None:
     ids = np.full(8, materials.MATERIAL_ID["cloth"], np.uint8)
     people = [user("pedestrian", 5, 0, f"walker.{k}") for k in range(8)]
     chest = np.tile(np.array([0.0, 0.0, 1.3], np.float32), (8, 1))
-    colours, _ = look.colours(ids, people, np.arange(8), chest)
+    colours, _ = look.colours(ids, UserTraits.of(people), np.arange(8), chest.T)
     assert len({tuple(each) for each in colours.tolist()}) > 3
 
 
