@@ -82,7 +82,6 @@ class Photographer:
         width, height = self.size_px
         first = _FirstPass(width * height, len(boxes))
         radiance = None if shading is None else np.empty((3, width * height), np.float32)
-        light = np.ones(width * height, np.float32)
         rows = max(min(MAX_RAYS // width, -(-height // BANDS)), 1)
 
         def band(top: int) -> None:
@@ -93,15 +92,14 @@ class Photographer:
             first.take(pixels, surfaces, is_lit)
             if shading is None or radiance is None or is_lit is None:
                 return
-            light[pixels] = self._openness(boxes, surfaces, view, pixels, top)
-            openness = light[pixels][surfaces.rays]
-            radiance[:, pixels] = shading.radiance(surfaces, is_lit, openness, view.map_SE3_base)
+            share = _openness(boxes, surfaces, view)
+            radiance[:, pixels] = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
 
         list(self._workers.map(band, range(0, height, rows)))
         layers = first.layers(self._blind, width)
         if radiance is None or shading is None:
             return None, layers
-        self._smooth(world, view, shading, radiance, first, light)
+        self._smooth(world, view, boxes, shading, radiance, first)
         radiance[:, self._blind] = 0.0
         return radiance.reshape(3, height, width), layers
 
@@ -109,10 +107,10 @@ class Photographer:
         self,
         world: VisibleSurroundings,
         view: View,
+        boxes: Float64,
         shading: Shading,
         radiance: Float32,
         first: _FirstPass,
-        light: Float32,
     ) -> None:
         """Average further rays of the pixels at edges, or of all pixels, in place."""
         if self._samples == 1:
@@ -126,8 +124,8 @@ class Photographer:
             rays = self._rays(view, self._beside(pixels))
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = _sun_lit(world, shading, surfaces)
-            openness = light[pixels][surfaces.rays % len(pixels)]
-            further = shading.radiance(surfaces, is_lit, openness, view.map_SE3_base)
+            share = _openness(boxes, surfaces, view)
+            further = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
             total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
             radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
 
@@ -153,20 +151,11 @@ class Photographer:
             rays[:, 3 + axis] = along(row, directions.T)
         return rays
 
-    def _openness(self, boxes: Float64, surfaces: Surfaces, view: View, pixels: slice, top: int) -> Float32:
-        """See `openness`, for a band of rows from `top` on."""
-        count, width = pixels.stop - pixels.start, self.size_px[0]
-        is_ground = np.zeros(count, np.bool_)
-        level = np.flatnonzero((surfaces.objects < 0) & (surfaces.normals[2] > np.float32(0.7)))
-        place = surfaces.rays[level]
-        is_ground[place] = True
-        points_m = np.zeros((3, count), np.float32)
-        for axis in range(3):
-            points_m[axis, place] = surfaces.points_m[axis, level]
-        shape = count // width, width
-        return openness(
-            boxes, points_m.reshape(3, *shape), is_ground.reshape(shape), self.lens, view.map_SE3_optical, top
-        ).ravel()
+
+def _openness(boxes: Float64, surfaces: Surfaces, view: View) -> Float32:
+    """See `openness`, for surfaces (K,)."""
+    level = np.flatnonzero((surfaces.normals[2] > np.float32(0.7)) & (surfaces.objects < 0))
+    return openness(boxes, surfaces.points_m, level, view.map_SE3_optical[:3, 3])
 
 
 def _sun_lit(world: VisibleSurroundings, shading: Shading, surfaces: Surfaces) -> npt.NDArray[np.bool_]:
