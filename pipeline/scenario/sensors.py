@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from pydantic import SerializerFunctionWrapHandler, create_model, model_serializer, model_validator
@@ -55,11 +55,14 @@ class CarriedSensors(Section):
             if issubclass(sensor, MountedSensor) and sensor.carried_by(vehicle, getattr(self, key)):
                 yield key, sensor
 
-    def mounted_on(self, vehicle: str, drive: DriveSettings) -> list[MountedSensor[Any]]:
-        """Make the sensors that a vehicle carries by name, for a drive."""
+    def mounted_on(
+        self, vehicle: str, drive: DriveSettings, keys: Container[str] | None = None
+    ) -> list[MountedSensor[Any]]:
+        """Make the sensors that a vehicle carries by name, for a drive; keys: only those of these keys."""
         return [
             sensor(vehicle, sensor.carried_by(vehicle, getattr(self, key)), drive)
             for key, sensor in self.mounted_by(vehicle)
+            if keys is None or key in keys
         ]
 
     def carried_by(self, vehicle: str) -> Iterator[tuple[type[Sensor[Any]], Mapping[str, Section]]]:

@@ -150,11 +150,13 @@ class MountedSensor(Sensor[MountedT]):
     """A named sensor that observes the world; one instance stands for all of this type on one vehicle.
 
     default: the sensors of a scenario that lists none. needs: the methods that the world must offer.
-    mounts: base_SE3_sensor by name; each has the frame `<vehicle>/<name>`.
+    takes_long: whether they take about as long as all other sensors together, and are worth a process of
+    their own. mounts: base_SE3_sensor by name; each has the frame `<vehicle>/<name>`.
     """
 
     default: ClassVar[Mapping[str, MountedSection]] = {}
     needs: ClassVar[frozenset[Offer]] = frozenset()
+    takes_long: ClassVar[bool] = False
     mounts: Mapping[str, Float64]
 
     @abstractmethod

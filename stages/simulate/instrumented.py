@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,9 +41,18 @@ class Elsewhere(Protocol):
 
 
 class Instrumented:
-    """All sensors of one vehicle. mounts: base_SE3_sensor (4, 4) by the name of each mounted sensor."""
+    """All sensors of one vehicle. mounts: base_SE3_sensor (4, 4) by the name of each mounted sensor.
 
-    def __init__(self, scenario: Scenario, name: str, elsewhere: Elsewhere | None = None) -> None:
+    keys: if given, only mounted sensors of these keys look.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        name: str,
+        elsewhere: Elsewhere | None = None,
+        keys: Container[str] | None = None,
+    ) -> None:
         self.name = name
         origin, clock = scenario.map.origin, scenario.simulation
         geodesy = Geodesy(origin.latitude_deg, origin.longitude_deg, origin.altitude_m)
@@ -56,7 +65,7 @@ class Instrumented:
             origin.latitude_deg,
             origin.longitude_deg,
         )
-        self._sensors = scenario.sensors.mounted_on(name, drive)
+        self._sensors = scenario.sensors.mounted_on(name, drive, keys)
         self.mounts = {place: pose for sensor in self._sensors for place, pose in sensor.mounts.items()}
         self._elsewhere = elsewhere
         self._started = False

@@ -100,7 +100,7 @@ def simulate(
         scratch_folder() as scratch,
         plugin_errors(plugins),
         live_stream(live, scenario.recording.names) as stream,
-        SensorsAhead() if live is None and pays_ahead(scenario) else nullcontext() as ahead,
+        SensorsAhead(scenario) if live is None and pays_ahead(scenario) else nullcontext() as ahead,
     ):
         (folder / "scenario.yaml").write_text(text, encoding="utf-8")
         with as_usage_error():  # so far, only files that the scenario names have been read

@@ -28,6 +28,7 @@ class Cameras(MountedSensor[CameraSensor]):
     section = CameraSensor
     default: ClassVar[Mapping[str, CameraSensor]] = {}
     needs = frozenset({"road users", "surfaces"})
+    takes_long = True
 
     def __init__(self, vehicle: str, sections: Mapping[str, CameraSensor], drive: DriveSettings) -> None:
         from advpipe.pipeline.sensors.camera.rig import CameraRig

@@ -11,7 +11,7 @@ from advpipe.pipeline.core.hashing import sha256_of
 from advpipe.pipeline.scenario import Scenario, load_scenario
 from advpipe.stages.simulate import run, sensors_ahead
 from advpipe.stages.simulate.run import simulate
-from advpipe.stages.simulate.sensors_ahead import WORTH_A_PROCESS, pays_ahead
+from advpipe.stages.simulate.sensors_ahead import WORTH_A_PROCESS, pays_ahead, shared_out
 
 TWO = [
     "simulation.duration_s=0.8",
@@ -19,6 +19,7 @@ TWO = [
     "sensors.lidars={lidar: {channels: 16, points_per_second: 20000}, "
     "roof: {vehicle: other, channels: 8, points_per_second: 10000, rotation_frequency: 5}}",
     "sensors.radars={front: {}}",
+    "sensors.cameras={front: {vehicle: other, image_size_x: 64, image_size_y: 36, sensor_tick: 0.2}}",
 ]
 
 
@@ -44,12 +45,18 @@ def test_an_error_of_the_sensors_ends_the_drive(tmp_path: Path, monkeypatch: pyt
 
     def killed(self: sensors_ahead.SensorsAhead, *args: object) -> None:
         begin(self, *args)  # type: ignore[arg-type]
-        self._process._process.kill()
+        self._processes[-1]._process.kill()
 
     monkeypatch.setattr(sensors_ahead.SensorsAhead, "begin", killed)
     with pytest.raises(AdvpipeError, match="a worker process died"):
         simulate(scenario(), tmp_path / "drive")
     assert not (tmp_path / "drive").exists()
+
+
+def test_cameras_which_take_long_have_a_process_apart() -> None:
+    assert shared_out(scenario()) == [("lidars", "radars"), ("cameras",)]
+    assert shared_out(scenario("sensors.cameras={}")) == [("lidars", "radars")]
+    assert shared_out(scenario("sensors.lidars={}", "sensors.radars={}")) == [("cameras",)]
 
 
 @pytest.mark.parametrize(
