@@ -27,7 +27,7 @@ MOST_GAIN = 20.0
 WHITE = 6.0
 """What the curve maps to 255."""
 
-_STEPS, _NORMALS = 4096, 1 << 20
+_STEPS, _NORMALS, _PART = 4096, 1 << 20, 1 << 16
 
 
 def levels_of(signal: Float32) -> UInt8:
@@ -66,26 +66,33 @@ class Exposure:
     def develop(self, radiance: Float32, rng: np.random.Generator) -> UInt8:
         """The image (H, W, 3) of a radiance (3, H, W) in kcd/m^2, which is overwritten."""
         exposure = self._follow(radiance)
+        start = int(rng.integers(_NORMALS)) if self._normals is not None else 0
         linear = radiance.reshape(-1)
+        levels = np.empty(len(linear), np.uint8)
+        for first in range(0, len(linear), _PART):
+            part = slice(first, first + _PART)
+            levels[part] = self._coded(linear[part], exposure, (start + first) % _NORMALS)
+        return np.ascontiguousarray(levels.reshape(radiance.shape).transpose(1, 2, 0))
+
+    def _coded(self, linear: Float32, exposure: float, start: int) -> UInt8:
+        """The levels (N,) of radiances (N,), which are overwritten; start: of their noise."""
         linear *= np.float32(exposure)
         if self._normals is not None:
             gain = self._gain * min(max(exposure / BASE_EXPOSURE, 1.0), MOST_GAIN)
             shot, read = gain / FULL_WELL, (READ_NOISE * gain / FULL_WELL) ** 2
-            deviation = np.sqrt(linear * np.float32(shot) + np.float32(read))
-            start = int(rng.integers(_NORMALS))
-            for first in range(0, len(deviation), _NORMALS):
-                part = deviation[first : first + _NORMALS]
-                split = min(_NORMALS - start, len(part))
-                part[:split] *= self._normals[start : start + split]
-                part[split:] *= self._normals[: len(part) - split]
+            deviation = linear * np.float32(shot)
+            deviation += np.float32(read)
+            np.sqrt(deviation, out=deviation)
+            split = min(_NORMALS - start, len(linear))
+            deviation[:split] *= self._normals[start : start + split]
+            deviation[split:] *= self._normals[: len(linear) - split]
             deviation *= np.float32(self._noise)
             linear += deviation
         np.clip(linear, 0, WHITE, out=linear)
         linear *= np.float32(1 / WHITE)
         np.sqrt(linear, out=linear)
         linear *= np.float32(_STEPS - 1)
-        planes = np.take(self._curve, linear.astype(np.int32)).reshape(radiance.shape)
-        return np.ascontiguousarray(planes.transpose(1, 2, 0))
+        return np.take(self._curve, linear.astype(np.intp), mode="clip")
 
     def _follow(self, radiance: Float32) -> float:
         """The exposure in 1/(kcd/m^2), on its way from the last one to that of this picture."""

@@ -81,20 +81,23 @@ class InstancedBodies:
     def candidate_hits(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateHits:
         """Cast those of the rays (R, 6) in the map's frame that may hit a road user."""
         placed = self.placed(users)
-        chosen, user_of_ray = SortedRays(rays).pairs(placed.map_SE3_box, placed.half_m)
-        columns = np.ascontiguousarray(rays[chosen].T)
+        columns = np.ascontiguousarray(rays.T)
+        chosen, user_of_ray = SortedRays(columns[:3], columns[3:]).pairs(placed.map_SE3_box, placed.half_m)
+        columns = np.take(columns, chosen, axis=1, mode="clip")
         local, start_m = self._local(columns[:3], columns[3:], placed, user_of_ray)
         returns = self._scene.returns(local, placed.slots.astype(np.int32)[user_of_ray])
         returns.range_m[:] += start_m
         returns.panes.range_m[:] += start_m[returns.panes.rays]
         return CandidateHits(chosen, user_of_ray, returns)
 
-    def candidate_sights(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateSights:
-        """Cast those of the rays (R, 6) of visible light, from one origin, that may hit a road user."""
+    def candidate_sights(
+        self, origin_m: Float32, directions: Float32, users: Sequence[RoadUser]
+    ) -> CandidateSights:
+        """Cast those rays of visible light from an origin (3, 1) in directions (3, R) that may hit a road
+        user."""
         placed = self.placed(users)
-        chosen, user_of_ray = SortedRays(rays).pairs(placed.map_SE3_box, placed.half_m)
-        directions = np.ascontiguousarray(np.take(rays, chosen, axis=0)[:, 3:].T)
-        local, start_m = self._local(rays[:1, :3].T, directions, placed, user_of_ray)
+        chosen, user_of_ray = placed.in_view(origin_m, SortedRays(origin_m, directions))
+        local, start_m = self._local(origin_m, chosen_columns(directions, chosen), placed, user_of_ray)
         sight = self._scene.sight(local, placed.slots.astype(np.int32)[user_of_ray])
         sight.range_m[:] += start_m
         sight.panes.range_m[:] += start_m[sight.panes.rays]

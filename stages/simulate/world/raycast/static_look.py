@@ -91,7 +91,7 @@ class StaticLook:
                 patch = _patch(points_m[:, part], normals[:, part], detail_m[part])
                 colour[:, part] *= TEXTURES[TEXTURE[material]](patch)
             elif material == MATERIAL_ID["sign"]:
-                colour[:, part] = self._faces.colours(triangles[part], points_m[:, part].T).T
+                colour[:, part] = self._faces.colours(places[part], points_m[:, part].T).T
 
 
 def _patch(points_m: Float32, normals: Float32, detail_m: Float32) -> Patch:

@@ -68,9 +68,9 @@ class Viewer:
 
     def surfaces(self, rays: Float32, users: Sequence[RoadUser], pixel_rad: float) -> Surfaces:
         """The first opaque surface of each ray (R, 6) from one origin; objects index `users`."""
-        static = self._static.sight(rays)
-        placed = self._bodies.placed(users)
-        seen = self._bodies.candidate_sights(rays, placed)
+        static, placed = self._static.sight(rays), self._bodies.placed(users)
+        origin_m, all_directions = rays[:1, :3].T, np.ascontiguousarray(rays[:, 3:].T)
+        seen = self._bodies.candidate_sights(origin_m, all_directions, placed)
         alone = np.flatnonzero(seen.sight.triangles >= 0)
         first = _first(static, seen, alone)
         own = seen.rays[first]
@@ -85,9 +85,8 @@ class Viewer:
         fixed, count = int(counts[:_BODY].sum()), len(rays) - int(counts[_SKY])
         met, present = order[:count], np.flatnonzero(counts[:_BODY]).astype(np.uint8)
         range_m, triangles = np.take(static.range_m, met), np.take(static.triangles, met[:fixed])
-        all_directions = np.ascontiguousarray(rays[:, 3:].T)
         directions = chosen_columns(all_directions, met)
-        points_m = directions * range_m + rays[:1, :3].T
+        points_m = directions * range_m + origin_m
         candidates = np.take(candidate_of, met[fixed:])
         normals = np.empty_like(directions)
         self._static.normals_of(triangles, normals[:, :fixed])

@@ -40,14 +40,16 @@ def _bin_of(angle_rad: Float64) -> Float64:
 
 
 class SortedRays:
-    """Rays (R, 6) with nearly the same origin, sorted by their bearing."""
+    """Rays with nearly the same origin, sorted by their bearing.
 
-    def __init__(self, rays: Float32) -> None:
-        columns = np.ascontiguousarray(rays.T)
-        low, high = columns[:3].min(axis=1), columns[:3].max(axis=1)
+    origins_m: (3, R), or (3, 1) for all. directions: (3, R).
+    """
+
+    def __init__(self, origins_m: Float32, directions: Float32) -> None:
+        low, high = origins_m.min(axis=1), origins_m.max(axis=1)
         self._origin_m = (low.astype(np.float64) + high) / 2
         self._spread_m = float(np.linalg.norm(high.astype(np.float64) - low)) / 2
-        x, y, z = columns[3:]
+        x, y, z = directions
         bins = ((_bearing(x, y) + 2) * np.float32(BINS / 4)).astype(np.uint16)
         self._order = np.argsort(bins, kind="stable")
         self._bins = bins[self._order]
@@ -59,7 +61,10 @@ class SortedRays:
 
         map_SE3_box: (B, 4, 4), the frame at each box's centre. half_m: (B, 3), half of each side.
         """
-        window = self._window(map_SE3_box, half_m)
+        return self.pairs_in(self.window(map_SE3_box, half_m))
+
+    def pairs_in(self, window: BearingWindow) -> tuple[Int64, Int64]:
+        """See `pairs`, of boxes in these windows (B,)."""
         # A window across the end of the circle is split in two; most windows have an empty second half.
         shift = np.where(window.first < 0, BINS, np.where(window.last > BINS, -BINS, 2 * BINS))
         first = np.concatenate([window.first, window.first + shift]).clip(0, BINS + 1)
@@ -71,10 +76,10 @@ class SortedRays:
         slopes = self._slopes[place]
         low, high = (np.tile(side, 2).astype(np.float32) for side in (window.low, window.high))
         inside = (slopes >= np.repeat(low, counts)) & (slopes <= np.repeat(high, counts))
-        boxes = np.repeat(np.tile(np.arange(len(half_m)), 2), counts)
+        boxes = np.repeat(np.tile(np.arange(len(window.first)), 2), counts)
         return self._order[place[inside]], boxes[inside]
 
-    def _window(self, map_SE3_box: Float64, half_m: Float64) -> BearingWindow:
+    def window(self, map_SE3_box: Float64, half_m: Float64) -> BearingWindow:
         """The window of each box, for rays that start within `spread_m` of the origin."""
         rotation, centre = map_SE3_box[:, :3, :3], map_SE3_box[:, :3, 3] - self._origin_m
         corners = centre[:, None] + np.einsum("bij,bcj->bci", rotation, _CORNERS * half_m[:, None])

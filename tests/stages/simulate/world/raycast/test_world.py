@@ -126,12 +126,8 @@ def test_angular_windows_contain_every_ray_that_hits_a_box(sweep: Any) -> None:
         pose[:3, :3], pose[:3, 3] = rotation, rng.normal(0, [15, 15, 1.0])
         poses.append(pose)
         halves.append(rng.uniform(0.2, [8, 1.5, 2]))
-    found = set(
-        zip(
-            *(column.tolist() for column in SortedRays(rays).pairs(np.array(poses), np.array(halves))),
-            strict=True,
-        )
-    )
+    pairs = SortedRays(rays[:, :3].T, rays[:, 3:].T).pairs(np.array(poses), np.array(halves))
+    found = set(zip(*(column.tolist() for column in pairs), strict=True))
     met = 0
     for index, (pose, half) in enumerate(zip(poses, halves, strict=True)):
         origin = transform_points(np.linalg.inv(pose), rays[:, :3])
