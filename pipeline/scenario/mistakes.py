@@ -49,7 +49,8 @@ def mistakes_line(
 def schema_mistakes(error: ValidationError, model: type[BaseModel] = Scenario) -> Iterator[Mistake]:
     """Place and message of each; the first of those at one place, where a value may have several forms.
 
-    model: that refused the document.
+    A list with items that are refused is not called too short, too, which it is without them. model: that
+    refused the document.
     """
     seen: set[Place] = set()
     for each in error.errors():
@@ -58,6 +59,9 @@ def schema_mistakes(error: ValidationError, model: type[BaseModel] = Scenario) -
             yield from several.found
             continue
         place = tuple(str(part) for part in each["loc"] if part != "[key]")
+        has_refused_items = any(len(other) > len(place) and other[: len(place)] == place for other in seen)
+        if has_refused_items and each["type"] == "too_short":
+            continue
         if place not in seen or not place:
             seen.add(place)
             yield place, _message(dict(each), place, model)

@@ -32,6 +32,9 @@ MAX_PIXELS = 12_600_000
 MAX_PINHOLE_FOV = 170.0
 """Beyond it, a pinhole camera spends most pixels on the edge of its image."""
 
+FOV_DEG = 0.1
+"""By how much fov may differ from that of the intrinsics given beside it."""
+
 Coefficient = Annotated[Number, Field(ge=-100, le=100)]
 
 
@@ -68,7 +71,7 @@ class CameraSensor(MountedSection):
         "pinhole", description="pinhole, or fisheye: equidistant, the angle grows with the distance"
     )
     fov: Number = Field(90.0, ge=0.1, lt=360, description="horizontal field of view in degrees")
-    intrinsics: Intrinsics | None = Field(None, description="in place of fov")
+    intrinsics: Intrinsics | None = Field(None, description="in place of fov, which may repeat them")
     distortion: tuple[Coefficient, ...] = Field(
         (), max_length=5, description="k1, k2, p1, p2, k3 (plumb_bob) of a pinhole, k1 to k4 of a fisheye"
     )
@@ -97,7 +100,11 @@ class CameraSensor(MountedSection):
         if name not in CAMERA_PRESETS:
             known = known_names(name, CAMERA_PRESETS)
             raise ValueError(f"preset {short_repr(name)} is unknown; {known}")
-        return dict(CAMERA_PRESETS[name]) | keys
+        preset = dict(CAMERA_PRESETS[name])
+        for given, replaced in (("fov", "intrinsics"), ("intrinsics", "fov")):
+            if given in keys and replaced not in keys:
+                preset.pop(replaced, None)
+        return preset | keys
 
     @model_validator(mode="after")
     def _image(self) -> CameraSensor:
@@ -110,6 +117,30 @@ class CameraSensor(MountedSection):
                 f"{self.samples} needs {pixels * self.samples:,} rays, over {MAX_PIXELS:,}; lower them"
             )
         return self
+
+    @model_validator(mode="after")
+    def _intrinsics(self) -> CameraSensor:
+        given, size = self.intrinsics, (self.image_size_x, self.image_size_y)
+        if given is None:
+            return self
+        if not all(-0.5 <= at <= side - 0.5 for at, side in zip((given.cx, given.cy), size, strict=True)):
+            raise ValueError(
+                f"the principal point of intrinsics, cx {given.cx:g} and cy {given.cy:g}, is outside the "
+                f"image of {size[0]} by {size[1]} pixels; give the intrinsics of this size"
+            )
+        is_resolved = self.model_fields_set >= type(self).model_fields.keys()  # it has the default fov, too
+        fov = self._fov_of(given)
+        if "fov" in self.model_fields_set and not is_resolved and abs(self.fov - fov) > FOV_DEG:
+            raise ValueError(
+                f"fov is {self.fov:g}, but intrinsics with fx {given.fx:g} have {fov:.1f} degrees in "
+                f"{size[0]} pixels; leave one of them out"
+            )
+        return self
+
+    def _fov_of(self, given: Intrinsics) -> float:
+        """The horizontal field of view in degrees, about the middle of the image."""
+        half = self.image_size_x / 2 / given.fx
+        return math.degrees(2 * (half if self.projection == "fisheye" else math.atan(half)))
 
     @model_validator(mode="after")
     def _lens(self) -> CameraSensor:

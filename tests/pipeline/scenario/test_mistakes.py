@@ -34,6 +34,13 @@ def test_several_are_numbered(tmp_path: Path) -> None:
     assert [f"({number}) " in line for number in range(1, 6)] == [True] * 4 + [False]
 
 
+def test_a_list_with_a_wrong_item_is_not_called_too_short(tmp_path: Path) -> None:
+    line = refusal(tmp_path, "sensors: {cameras: {front: {images: [foo]}}}\n")
+    assert line.startswith("sensors.cameras.front.images[0] (line 3): Input should be 'rgb', 'depth', ")
+    assert "at least 1 item" not in line
+    assert "at least 1 item" in refusal(tmp_path, "sensors: {cameras: {front: {images: []}}}\n")
+
+
 def test_parameters_of_an_attack_have_their_place(tmp_path: Path) -> None:
     line = refusal(tmp_path, "attacks: {a: {type: detach, ratio: 1%}}\n")
     known = "unknown key; known: type, recipe, parameters, "

@@ -62,6 +62,10 @@ def test_a_fisheye_sees_nothing_beyond_its_circle() -> None:
     assert np.isnan(made.directions(np.array([[1.0, 1.0]]))).all()
 
 
+K = {"fx": 400.0, "fy": 400.0, "cx": 399.5, "cy": 300.0}
+"""Of 90 degrees in 800 pixels: 2 atan(400 / 400)."""
+
+
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
@@ -82,6 +86,10 @@ def test_a_fisheye_sees_nothing_beyond_its_circle() -> None:
         ({"images": ("rgb", "rgb")}, "twice"),
         ({"images": ("infrared",)}, "images"),
         ({"intrinsics": {"fx": 0.0, "fy": 1.0, "cx": 0.0, "cy": 0.0}}, "fx"),
+        ({"intrinsics": K | {"cx": 5000.0}}, "cx 5000 and cy 300, is outside the image of 800 by 600"),
+        ({"intrinsics": K | {"cy": -1.0}}, "outside the image"),
+        ({"intrinsics": K, "fov": 60.0}, "fov is 60, but intrinsics with fx 400 have 90.0 degrees in 800"),
+        ({"preset": "kitti", "image_size_x": 400}, "give the intrinsics of this size"),
     ],
 )
 def test_bad_cameras_are_refused(keys: dict[str, object], message: str) -> None:
@@ -92,3 +100,17 @@ def test_bad_cameras_are_refused(keys: dict[str, object], message: str) -> None:
 def test_a_preset_gives_way_to_given_keys() -> None:
     camera = CameraSensor.model_validate({"preset": "kitti", "z_m": 2.0})
     assert (camera.image_size_x, camera.z_m, camera.lens().matrix[0, 0]) == (1242, 2.0, 721.5377)
+
+
+def test_fov_or_intrinsics_replace_those_of_a_preset() -> None:
+    wide = CameraSensor.model_validate({"preset": "kitti", "fov": 100.0})
+    assert wide.intrinsics is None
+    assert wide.lens().matrix[0, 0] == pytest.approx(621 / np.tan(np.deg2rad(50)))
+    own = CameraSensor.model_validate({"preset": "front", "intrinsics": K | {"cx": 300.0, "cy": 180.0}})
+    assert own.lens().matrix[0, 0] == 400.0
+
+
+def test_fov_may_repeat_the_intrinsics_and_a_resolved_camera_is_read_again() -> None:
+    assert CameraSensor.model_validate({"intrinsics": K, "fov": 90.0}).lens().matrix[0, 0] == 400.0
+    made = CameraSensor.model_validate({"preset": "kitti"})
+    assert CameraSensor.model_validate(made.model_dump(mode="json")) == made
