@@ -29,7 +29,7 @@ from advpipe.stages.attack.camera.base import (
     ImageContext,
 )
 from advpipe.stages.attack.camera.patch_light import patch_light
-from advpipe.stages.attack.camera.patch_place import Carrier, PatchSize, vehicles_ahead
+from advpipe.stages.attack.camera.patch_place import Carrier, PatchSize, VehicleRear, vehicles_ahead
 from advpipe.stages.attack.camera.patch_print import PatchImage, printed
 from advpipe.stages.attack.camera.patch_view import patch_view
 from advpipe.stages.attack.camera.scene import CameraScene
@@ -41,6 +41,10 @@ VEHICLE, SIGN = SURFACES = ("vehicle", "sign")
 
 LEAST_PIXELS = 12
 """An image that shows less of the patch stays as it is."""
+
+LARGE_PX, COMPARED = 50, 30
+"""Pixels of the patch that an image shows at least on a vehicle that nobody named, in the mean of those that
+show it; and how many images of the schedule are looked at to choose it."""
 
 VIEWS, OFF_M, LARGER = 3, 0.02, 0.04
 """Displaced views of each image that the search looks at, and deviations of their place and size."""
@@ -66,14 +70,14 @@ class CameraPatch(CameraAttack):
     (Athalye et al., ICML 2018). It lies beside the bag as a PNG file.
 
     surface: vehicle, or sign: the largest road sign in the first image with one, on which the patch makes
-    the detector see a road user where none is. target: id of the vehicle; without one, the nearest whose rear
-    the first attacked images show. shown: the class to be seen on a sign. width_m, height_m: of the print;
-    it is smaller on a smaller sign. center_m: height of its middle above the road, on a vehicle. texel_m:
-    side of one of its squares. pattern: adversarial, random (every square at random) or random-best (of
-    `tries` random ones, the one that comes nearest to the aim). image_detector: the attacked one, a name, a
-    checkpoint or module:Class. steps: of the search. images: as many of the schedule as it looks at. tries:
-    random patches of random-best. learning_rate: of the search (Adam). camera: the name of the attacked one;
-    all of the victim without a name.
+    the detector see a road user where none is. target: id of the vehicle; without one, that on which the
+    images of the schedule show most of the patch. shown: the class to be seen on a sign. width_m, height_m:
+    of the print; it is smaller on a smaller sign. center_m: height of its middle above the road, on a
+    vehicle. texel_m: side of one of its squares. pattern: adversarial, random (every square at random) or
+    random-best (of `tries` random ones, the one that comes nearest to the aim). image_detector: the attacked
+    one, a name, a checkpoint or module:Class. steps: of the search. images: as many of the schedule as it
+    looks at. tries: random patches of random-best. learning_rate: of the search (Adam). camera: the name of
+    the attacked one; all of the victim without a name.
     """
 
     traits = CameraTraits(needs_scene=True)
@@ -142,8 +146,11 @@ class CameraPatch(CameraAttack):
         return paint
 
     def _carrier(self, drives: Sequence[CameraDrive]) -> Carrier:
-        """What the first scheduled image shows that a patch may be fixed to; of the first camera with one."""
+        """What a patch is fixed to: the named vehicle or a sign in the first image that shows one; without a
+        name, the vehicle on which most of the patch is seen."""
         size = PatchSize(self.width_m, self.height_m)
+        if self.surface == VEHICLE and not self.target:
+            return self._largest(drives, size)
         for drive in drives:
             for image, scene in drive.scheduled():
                 known, options = scene(), list[Carrier]()
@@ -153,16 +160,34 @@ class CameraPatch(CameraAttack):
                     options += signs(known, size)
                 else:
                     ahead = vehicles_ahead(known, size, self.center_m)
-                    options += [each for each in ahead if self.target in ("", each.name)]
+                    options += [each for each in ahead if each.name == self.target]
                 for each in options:
                     if _in_image(image, known, drive.light, each, (1, 1)) is not None:
                         return each
-        topics = ", ".join(drive.camera.image_topic for drive in drives)
-        what = "a road sign" if self.surface == SIGN else f"the rear of {self.target or 'a vehicle'}"
+        what = "a road sign" if self.surface == SIGN else f"the rear of {self.target}"
         raise UsageError(
-            f"camera-patch: no image of {topics} in the schedule shows {what}; "
+            f"camera-patch: no image of {_topics(drives)} in the schedule shows {what}; "
             "choose another target, schedule or camera"
         )
+
+    def _largest(self, drives: Sequence[CameraDrive], size: PatchSize) -> Carrier:
+        """The vehicle on which images, evenly spread over the schedule, show most of the patch."""
+        seen_px = dict[str, list[float]]()
+        for drive in drives:
+            for _, scene in _spread(drive, COMPARED):
+                for each in vehicles_ahead(scene, size, self.center_m):
+                    view = patch_view(scene, each, (1, 1))
+                    if len(view.pixels) >= LEAST_PIXELS:
+                        seen_px.setdefault(each.name, []).append(float(view.cover.sum()))
+        name = max(seen_px, key=lambda each: sum(seen_px[each]), default="")
+        if not name or np.mean(seen_px[name]) < LARGE_PX:
+            most = f"at most {np.mean(seen_px[name]):.0f} pixels, on {name}" if name else "none"
+            raise UsageError(
+                f"camera-patch: of a patch on the rear of a vehicle, the images of {_topics(drives)} in the "
+                f"schedule show {most}; at least {LARGE_PX} are needed: give a target, a larger width_m and "
+                "height_m, or another schedule or camera"
+            )
+        return VehicleRear(name, size, self.center_m)
 
     def _texture(
         self,
@@ -187,7 +212,7 @@ class CameraPatch(CameraAttack):
             return random_texture(texture_rng, texels)
         detector, found = differentiable_image_detector(self.image_detector), []
         for drive in drives:
-            for image, scene in self._chosen(drive):
+            for image, scene in _spread(drive, self.images):
                 if views := _displaced(rng, image, scene, drive.light, carrier, texels):
                     label = self._label(scene, carrier, detector.classes)
                     box_px = _box_px(scene, carrier, views[0])
@@ -203,14 +228,6 @@ class CameraPatch(CameraAttack):
                 return best_random(examples, texture_rng, texels, self.tries)
             return optimised(examples, texture_rng, texels, self.steps, self.learning_rate)
 
-    def _chosen(self, drive: CameraDrive) -> Iterator[tuple[CameraImage, CameraScene]]:
-        """As many images of the schedule as the search looks at, evenly spread."""
-        count = sum(1 for _ in drive.scheduled())
-        places = set(np.linspace(0, count - 1, min(self.images, count)).round().astype(int).tolist())
-        for place, (image, scene) in enumerate(drive.scheduled()):
-            if place in places:
-                yield image, scene()
-
     def _label(self, scene: CameraScene, carrier: Carrier, classes: tuple[str, ...]) -> int:
         """The detector's label of the vehicle, or of what a sign shall be taken for."""
         name, ids = self.shown, scene.boxes.ids
@@ -219,6 +236,19 @@ class CameraPatch(CameraAttack):
         if name not in classes:
             raise UsageError(f"camera-patch: {self.image_detector} detects no {name}; it detects {classes}")
         return classes.index(name)
+
+
+def _spread(drive: CameraDrive, most: int) -> Iterator[tuple[CameraImage, CameraScene]]:
+    """At most so many images of the schedule, evenly spread."""
+    count = sum(1 for _ in drive.scheduled())
+    places = set(np.linspace(0, count - 1, min(most, count)).round().astype(int).tolist())
+    for place, (image, scene) in enumerate(drive.scheduled()):
+        if place in places:
+            yield image, scene()
+
+
+def _topics(drives: Sequence[CameraDrive]) -> str:
+    return ", ".join(drive.camera.image_topic for drive in drives)
 
 
 def _in_image(

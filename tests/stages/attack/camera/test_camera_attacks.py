@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,17 @@ import pytest
 from camera_bags import FRONT, REAR, images, labels
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.recorded_cameras import cameras_of
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.compressed_image import image_from_cdr, pixels_of
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
 from advpipe.stages.attack.camera.base import CameraAttack, CameraTraits, whole_image
+from advpipe.stages.attack.camera.drive import RecordedDrive
+from advpipe.stages.attack.camera.patch_place import PatchSize, vehicles_ahead
+from advpipe.stages.attack.camera.patch_view import patch_view
+from advpipe.stages.attack.camera.scene_light import SceneLight
 from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.evaluate.coordinated.attack_timeline import read_attack_timelines
 from advpipe.stages.evaluate.coordinated.section import coordinated_sections
@@ -118,14 +124,37 @@ def test_a_light_saturates_where_it_stands_and_veils_the_rest(camera_drive: Path
         assert near > far + 10
 
 
+def test_the_light_is_strong_enough_for_noon(camera_drive: Path) -> None:
+    """What the attack says of its default: over one per cent of every image is saturated."""
+    for name, low, high in (("clean", 0.0, 0.002), ("blind", 0.01, 0.1)):
+        for raw in images(camera_drive / name)[4:9]:
+            saturated = (pixels_of(image_from_cdr(raw.cdr).file) >= 250).all(axis=2).mean()
+            assert low <= saturated < high, name
+
+
 def test_exposure_follows_the_light(camera_drive: Path) -> None:
-    """What is far from the light grows darker from image to image."""
+    """What is far from the light grows darker from image to image, in spite of the stray light."""
     corner = [
         pixels_of(image_from_cdr(raw.cdr).file)[150:, 250:].mean()
         - pixels_of(image_from_cdr(plain.cdr).file)[150:, 250:].mean()
         for plain, raw in zip(images(camera_drive / "clean"), images(camera_drive / "blind"), strict=True)
     ]
-    assert corner[8] < corner[4] < 0
+    assert corner[8] < min(corner[4], 0)
+
+
+def test_without_a_target_the_patch_is_where_most_of_it_is_seen(camera_drive: Path) -> None:
+    """Over all images of the schedule, from 0.4 to 0.9 s: by the scenes themselves."""
+    reader = BagReader(camera_drive / "clean")
+    (camera,) = [each for each in cameras_of(reader) if each.image_topic == FRONT]
+    drive = RecordedDrive(reader, camera, SceneLight(reader), {}, lambda time_ns: True)
+    size, seen_px = PatchSize(1.2, 0.7), Counter[str]()
+    for number, (_, scene) in enumerate(drive.scheduled()):
+        for each in vehicles_ahead(scene(), size, 0.85) if 4 <= number < 9 else ():
+            seen_px[each.name] += len(patch_view(scene(), each, (1, 1)).pixels)
+    (largest, most), *others = seen_px.most_common()
+    assert others
+    assert most > 5 * 50
+    assert {row["target"] for row in labels(camera_drive / "patch")} == {largest}
 
 
 def test_a_patch_changes_its_rectangle_alone(camera_drive: Path) -> None:
@@ -259,6 +288,13 @@ def test_two_attacks_act_one_after_the_other(camera_drive: Path, tmp_path: Path)
                 "parameters": {"camera": "front", "pattern": "random", "target": "nobody"},
             },
             "shows the rear of nobody",
+        ),
+        (
+            {
+                "type": "camera-patch",
+                "parameters": {"camera": "front", "pattern": "random", "width_m": 0.2, "height_m": 0.1},
+            },
+            "at least 50 are needed: give a target, a larger width_m and height_m, or another schedule",
         ),
         (
             {"type": "camera-patch", "parameters": {"camera": "front", "image_detector": "large"}},
