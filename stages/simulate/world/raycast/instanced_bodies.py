@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import is_
 
 import numpy as np
 import numpy.typing as npt
@@ -66,23 +67,28 @@ class InstancedBodies:
         lifted = [meshes[name].moved(0, 0, z_m) for name, z_m in zip(variants, self._slot_z_m, strict=True)]
         parts = np.repeat(np.arange(len(lifted), dtype=np.int32), [len(mesh.triangles) for mesh in lifted])
         self._scene = Scene(merge(lifted), parts)
+        self._last: PlacedUsers | None = None
 
     def prepare(self) -> None:
         """See `Scene.prepare`."""
         self._scene.prepare()
 
     def placed(self, users: Sequence[RoadUser]) -> PlacedUsers:
-        """The road users as arrays; those that are already stay as they are."""
+        """The road users as arrays; those that are already, or were in the last call, stay as they are."""
         if isinstance(users, PlacedUsers):
             return users
+        last = self._last
+        if last is not None and len(last) == len(users) and all(map(is_, last, users)):
+            return last
         slots = np.array([self._slot[user.variant.name] for user in users], dtype=np.int64)
-        return PlacedUsers(users, slots, self._centre_m[slots], self._half_m[slots])
+        self._last = placed = PlacedUsers(users, slots, self._centre_m[slots], self._half_m[slots])
+        return placed
 
     def candidate_hits(self, rays: Float32, users: Sequence[RoadUser]) -> CandidateHits:
         """Cast those of the rays (R, 6) in the map's frame that may hit a road user."""
         placed = self.placed(users)
         columns = np.ascontiguousarray(rays.T)
-        chosen, user_of_ray = SortedRays(columns[:3], columns[3:]).pairs(placed.map_SE3_box, placed.half_m)
+        chosen, user_of_ray = placed.in_view(SortedRays(columns[:3], columns[3:]))
         columns = np.take(columns, chosen, axis=1, mode="clip")
         local, start_m = self._local(columns[:3], columns[3:], placed, user_of_ray)
         returns = self._scene.returns(local, placed.slots.astype(np.int32)[user_of_ray])
@@ -96,7 +102,7 @@ class InstancedBodies:
         """Cast those rays of visible light from an origin (3, 1) in directions (3, R) that may hit a road
         user."""
         placed = self.placed(users)
-        chosen, user_of_ray = placed.in_view(origin_m, SortedRays(origin_m, directions))
+        chosen, user_of_ray = placed.in_view(SortedRays(origin_m, directions))
         local, start_m = self._local(origin_m, chosen_columns(directions, chosen), placed, user_of_ray)
         sight = self._scene.sight(local, placed.slots.astype(np.int32)[user_of_ray])
         sight.range_m[:] += start_m

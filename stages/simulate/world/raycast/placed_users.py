@@ -26,7 +26,7 @@ class PlacedUsers(Sequence[RoadUser]):
     """
 
     def __init__(self, users: Sequence[RoadUser], slots: Int64, centre_m: Float64, half_m: Float64) -> None:
-        self._window: tuple[Float32, BearingWindow] | None = None
+        self._window: tuple[tuple[float, ...], BearingWindow] | None = None
         self._users, self.slots, self.half_m = tuple(users), slots, half_m
         poses = np.array([user.map_SE3_base for user in users], dtype=np.float64).reshape(-1, 4, 4)
         self._map_m_base = np.ascontiguousarray(poses[:, :3, 3].T, np.float32)
@@ -52,11 +52,11 @@ class PlacedUsers(Sequence[RoadUser]):
         """What their looks depend on."""
         return UserTraits.of(self._users)
 
-    def in_view(self, origin_m: Float32, rays: SortedRays) -> tuple[Int64, Int64]:
-        """See `SortedRays.pairs`, of rays from one origin (3, 1), which most calls share."""
+    def in_view(self, rays: SortedRays) -> tuple[Int64, Int64]:
+        """See `SortedRays.pairs`; most calls have rays from the same place."""
         known = self._window
-        if known is None or not np.array_equal(known[0], origin_m):
-            known = self._window = origin_m, rays.window(self.map_SE3_box, self.half_m)
+        if known is None or known[0] != rays.place:
+            known = self._window = rays.place, rays.window(self.map_SE3_box, self.half_m)
         return rays.pairs_in(known[1])
 
     def turned(self, user_of: Int64, vectors: Float32) -> Float32:

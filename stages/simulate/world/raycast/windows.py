@@ -42,13 +42,14 @@ def _bin_of(angle_rad: Float64) -> Float64:
 class SortedRays:
     """Rays with nearly the same origin, sorted by their bearing.
 
-    origins_m: (3, R), or (3, 1) for all. directions: (3, R).
+    origins_m: (3, R), or (3, 1) for all. directions: (3, R). place: the middle and the spread of the origins.
     """
 
     def __init__(self, origins_m: Float32, directions: Float32) -> None:
         low, high = origins_m.min(axis=1), origins_m.max(axis=1)
         self._origin_m = (low.astype(np.float64) + high) / 2
         self._spread_m = float(np.linalg.norm(high.astype(np.float64) - low)) / 2
+        self.place = *self._origin_m.tolist(), self._spread_m
         x, y, z = directions
         bins = ((_bearing(x, y) + 2) * np.float32(BINS / 4)).astype(np.uint16)
         self._order = np.argsort(bins, kind="stable")
