@@ -11,7 +11,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.camera.contact import openness
 from advpipe.pipeline.sensors.camera.lens import Lens
-from advpipe.pipeline.sensors.camera.long_rows import along
+from advpipe.pipeline.sensors.camera.long_rows import along, chosen_columns
 from advpipe.pipeline.sensors.camera.palette import TAG
 from advpipe.pipeline.sensors.camera.shading import Shading
 from advpipe.pipeline.sensors.camera.surfaces import Surfaces, VisibleSurroundings
@@ -70,7 +70,7 @@ class Photographer:
         rays = lens.directions(np.column_stack([x.ravel(), y.ravel()]))
         self._blind = np.flatnonzero(np.isnan(rays).any(axis=1))
         rays[self._blind] = (0.0, 0.0, 1.0)
-        self._directions: Float32 = rays.astype(np.float32)
+        self._directions: Float32 = np.ascontiguousarray(rays.T, np.float32)
         middle = lens.directions(np.array([[width / 2, height / 2], [width / 2 + 1, height / 2]]))
         self._workers = ThreadPoolExecutor(WORKERS)
         self._pixel_rad = float(np.linalg.norm(middle[1] - middle[0]))
@@ -86,7 +86,7 @@ class Photographer:
 
         def band(top: int) -> None:
             pixels = slice(top * width, min(top + rows, height) * width)
-            rays = self._rays(view, self._directions[pixels])
+            rays = self._rays(view, self._directions[:, pixels])
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = None if shading is None else _sun_lit(world, shading, surfaces)
             first.take(pixels, surfaces, is_lit)
@@ -132,23 +132,25 @@ class Photographer:
         list(self._workers.map(part, range(0, len(chosen), per_cast)))
 
     def _beside(self, pixels: Int64) -> Float32:
-        """Directions (3 K, 3) that pass beside the centres of pixels (K,), by those of their neighbours."""
+        """Directions (3, 3 K) that pass beside the centres of pixels (K,), by those of their neighbours."""
         width, height = self.size_px
         aside = np.where(pixels % width + 1 < width, 1, -1)
         below = np.where(pixels + width < width * height, width, -width)
-        own = np.take(self._directions, pixels, axis=0)
-        right = (np.take(self._directions, pixels + aside, axis=0) - own) * aside[:, None].astype(np.float32)
-        down = np.take(self._directions, pixels + below, axis=0) - own
-        down *= np.sign(below)[:, None].astype(np.float32)
-        beside = np.concatenate([own + np.float32(x) * right + np.float32(y) * down for x, y in OFFSETS_PX])
-        beside /= np.sqrt(np.einsum("ij,ij->i", beside, beside))[:, None]
+        own = chosen_columns(self._directions, pixels)
+        right = (chosen_columns(self._directions, pixels + aside) - own) * aside.astype(np.float32)
+        down = (chosen_columns(self._directions, pixels + below) - own) * np.sign(below).astype(np.float32)
+        beside = np.concatenate(
+            [own + np.float32(x) * right + np.float32(y) * down for x, y in OFFSETS_PX], axis=1
+        )
+        beside /= np.sqrt((beside * beside).sum(axis=0))
         return beside
 
     def _rays(self, view: View, directions: Float32) -> Float32:
-        rays = np.empty((len(directions), 6), np.float32)
-        rays[:, :3] = view.map_SE3_optical[:3, 3]
-        for axis, row in enumerate(view.map_SE3_optical[:3, :3]):
-            rays[:, 3 + axis] = along(row, directions.T)
+        """Rays (N, 6) in the map frame with these directions (3, N) in the optical frame."""
+        rays = np.empty((directions.shape[1], 6), np.float32)
+        for axis, (*row, origin_m) in enumerate(view.map_SE3_optical[:3]):
+            rays[:, axis] = origin_m
+            rays[:, 3 + axis] = along(row, directions)
         return rays
 
 

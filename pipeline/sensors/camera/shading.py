@@ -78,9 +78,9 @@ class Shading:
         self._lamps(light, surfaces)
         radiance = np.empty_like(surfaces.directions)
         sky = self._sky.luminance(chosen_columns(surfaces.directions, surfaces.beyond))
-        for channel in range(3):
-            radiance[channel, surfaces.rays] = light[channel]
-            radiance[channel, surfaces.beyond] = sky[channel]
+        for channel, surface, beyond in zip(radiance, light, sky, strict=True):
+            channel[surfaces.rays] = surface
+            channel[surfaces.beyond] = beyond
         self._panes(radiance, surfaces)
         if self._extinction > 1e-4:
             range_m = np.full(radiance.shape[1], np.inf, np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from advpipe.stages.simulate.world.raycast.surface_detail import DetailMap
 from advpipe.stages.simulate.world.raycast.visible_hits import PaneCrossings, VisibleHits
 
 Float32 = npt.NDArray[np.float32]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 MAX_PANES = 4
 """Most panes of one mesh that a ray passes; behind the last one, it has no return."""
@@ -201,7 +202,7 @@ class Scene:
         They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque.
         """
         range_m, normals, triangles = self._nearest(rays, parts)
-        through = np.flatnonzero(self._is_pane[triangles])
+        through = np.flatnonzero(_of_triangles(self._is_pane, triangles))
         passed: list[tuple[npt.NDArray[np.int64], Float32, Float32, Float32]] = []
         for _ in range(MAX_SEEN_PANES):
             if not len(through):
@@ -223,8 +224,7 @@ class Scene:
 
     def materials_of(self, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
         """The materials (N,) of triangles (N,)."""
-        found: npt.NDArray[np.uint8] = self._materials[triangles]
-        return found
+        return _of_triangles(self._materials, triangles)
 
     def normals_of(self, triangles: npt.NDArray[np.int32], out: Float32) -> None:
         """Write the normals, of either side, of triangles (N,) as rows (3, N)."""
@@ -262,6 +262,11 @@ class Scene:
             other = self._parts[triangles] != parts
             range_m[other], triangles[other] = np.inf, -1
         return range_m, normals, triangles
+
+
+def _of_triangles(values: npt.NDArray[Scalar], triangles: npt.NDArray[np.int32]) -> npt.NDArray[Scalar]:
+    """The values (N,) of triangles (N,), the last one for none: -1, which is the greatest unsigned index."""
+    return np.take(values, triangles.view(np.uint32), mode="clip")
 
 
 def _open_panes(range_m: Float32, cos: Float32, materials: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
