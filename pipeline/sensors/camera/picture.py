@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -23,8 +24,9 @@ MAX_RAYS = 1 << 18
 """Most rays that are cast at once, for flat memory; parts of a picture run side by side. The parts, and so
 the bytes of a picture, do not depend on the number of processors."""
 
-WORKERS, BANDS = 2, 3
-"""Threads of one camera, and the least number of bands of rows that they share; the top one is mostly sky."""
+WORKERS, BAND = 2, 0.6
+"""Threads of one camera, and the most that a band of rows takes of a picture. The upper of two bands has more
+rows, of which many are sky."""
 
 OFFSETS_PX = ((0.0, -0.36), (0.32, 0.2), (-0.32, 0.2))
 """Where the three further rays of a pixel pass, beside the one through its centre."""
@@ -82,7 +84,7 @@ class Photographer:
         width, height = self.size_px
         first = _FirstPass(width * height, len(boxes))
         radiance = None if shading is None else np.empty((3, width * height), np.float32)
-        rows = max(min(MAX_RAYS // width, -(-height // BANDS)), 1)
+        rows = max(min(MAX_RAYS // width, math.ceil(BAND * height)), 1)
 
         def band(top: int) -> None:
             pixels = slice(top * width, min(top + rows, height) * width)
