@@ -5,9 +5,10 @@
 The drives are those of the simulator, in files of a minute: a boulevard with 30 vehicles, CAMs, GNSS and IMU;
 the LiDAR is a light one (16 rings, 3,400 points a cloud), since what grows with a drive's length is not what
 grows with its clouds. 30,000 frames are 50 minutes at 10 Hz. Each command runs in a process of its own, on
-every frame: `simulate`; `attack` (a tenth of the points removed at random); `evaluate` with the random
-baselines, the checks for attacks, localisation and V2X. The detector takes no time: what is measured is
-advpipe. All of it takes 40 minutes of one core; --keep FOLDER keeps the drives, and goes on with those there.
+every frame: `simulate`; `attack` (a tenth of the points removed at random); `evaluate` with the checks for
+attacks and localisation; a random attack has no random baseline beside it, and V2X is not attacked. The
+detector takes no time: what is measured is advpipe. All of it takes 40 minutes of one core; --keep FOLDER
+keeps the drives, and goes on with those there.
 
 Printed for each command: milliseconds of processor time a frame, and the most memory that a process took; and
 from one length to the next, what each further frame costs, in both. The mark: a further frame of the longest

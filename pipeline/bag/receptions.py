@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError
@@ -16,6 +18,8 @@ from advpipe.pipeline.v2x.codec.cam_error import CamError
 from advpipe.pipeline.v2x.message_type import CAM, MessageType, message_type_at
 
 _RECEIVED = VehicleTopics("").received_raw.name.removeprefix("/")
+
+T = TypeVar("T")
 
 _Place = tuple[int, int]
 """A stamp in nanoseconds, and how many messages of that stamp come before."""
@@ -55,10 +59,11 @@ def recorded_receptions(
     `v2x/rx/raw` that belongs to none on it.
     """
     topics = VehicleTopics(vehicle)
-    packets = _by_place(reader, topics.received_raw, last_ns)
-    infos, truths = (
-        _by_place(reader, topic, last_ns) for topic in (topics.reception_info, topics.true_receptions)
-    )
+    packets = _by_place(reader, topics.received_raw, last_ns, partial(_message, kind=kind))
+    if packets and not any(is_kind for is_kind, _ in packets.values()):
+        return []
+    infos = _by_place(reader, topics.reception_info, last_ns, _power_and_sinr)
+    truths = _by_place(reader, topics.true_receptions, last_ns, _number_and_station)
     for topic, beside in ((topics.reception_info, infos), (topics.true_receptions, truths)):
         if strays := beside.keys() - packets.keys():
             raise AdvpipeError(
@@ -66,43 +71,47 @@ def recorded_receptions(
                 f"{topics.received_raw.name}; record it again"
             )
     return [
-        _reception(place[0], payload, infos.get(place), truths.get(place))
-        for place in sorted(packets)
-        for found, payload in [_message(packets[place])]
-        if found is kind
+        RecordedReception(
+            place[0], payload, *infos.get(place, (math.nan, math.nan)), *truths.get(place, (None, None))
+        )
+        for place, (is_kind, payload) in sorted(packets.items())
+        if is_kind
     ]
 
 
-def _by_place(reader: BagReader, topic: Topic, last_ns: int | None) -> dict[_Place, Any]:
-    """The messages of a topic; none of one that the bag does not have."""
+def _by_place(
+    reader: BagReader, topic: Topic, last_ns: int | None, kept: Callable[[Any], T]
+) -> dict[_Place, T]:
+    """What is kept of each message of a topic; none of one that the bag does not have."""
     known = reader.topics.get(topic.name)
     if known is None:
         return {}
     if known.type != topic.type:
         raise AdvpipeError(f"{reader.path}: {topic.name} holds {known.type}, not {topic.type}")
-    found: dict[_Place, Any] = {}
+    found: dict[_Place, T] = {}
     counts: Counter[int] = Counter()
     for _, message in reader.messages(topic.name, last_ns):
         stamp_ns = build.stamp_ns(message)
-        found[stamp_ns, counts[stamp_ns]] = message
+        found[stamp_ns, counts[stamp_ns]] = kept(message)
         counts[stamp_ns] += 1
     return found
 
 
-def _message(packet: Any) -> tuple[MessageType, bytes | None]:
-    """What a packet of BTP-B holds, by its port."""
+def _message(packet: Any, kind: MessageType) -> tuple[bool, bytes | None]:
+    """Whether a packet of BTP-B holds a message of this type, by its port; and the message."""
     try:
         port, _, payload = parse_btp_packet(bytes(packet.data))
     except CamError:
-        return CAM, None
-    kind = message_type_at(port)
-    return (CAM, None) if kind is None else (kind, payload)
+        return kind is CAM, None
+    found = message_type_at(port)
+    if found is None:
+        return kind is CAM, None
+    return (True, payload) if found is kind else (False, None)
 
 
-def _reception(arrival_ns: int, payload: bytes | None, info: Any, truth: Any) -> RecordedReception:
-    return RecordedReception(
-        arrival_ns,
-        payload,
-        *((math.nan, math.nan) if info is None else (float(info.power_dbm), float(info.sinr_db))),
-        *((None, None) if truth is None else (int(truth.number), int(truth.station_id))),
-    )
+def _power_and_sinr(info: Any) -> tuple[float, float]:
+    return float(info.power_dbm), float(info.sinr_db)
+
+
+def _number_and_station(truth: Any) -> tuple[int, int]:
+    return int(truth.number), int(truth.station_id)

@@ -12,7 +12,7 @@ from advpipe.pipeline.geometry.regions import LabelCoverage
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Uncounted:
     """Labelled objects that count neither way, and where objects are labelled; in the LiDAR's frame.
 

@@ -7,7 +7,7 @@ import re
 import signal
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -98,6 +98,7 @@ def _refuse_silent(address: str) -> None:
 
 
 def _connect(ray: Any, address: str) -> None:
+    _take_messages(ray)
     with _own_signal_handlers():
         try:
             ray.init(address=address, namespace="advpipe", log_to_driver=False, logging_level="ERROR")
@@ -115,6 +116,20 @@ def _connect(ray: Any, address: str) -> None:
                     f"program Ray {our_ray} on Python {our_python}; install the same versions"
                 ) from None
             raise AdvpipeError(f"the cluster at {address} cannot be used: {one_line(error, 300)}") from None
+
+
+def _take_messages(ray: Any) -> None:
+    """Say only with --verbose what Ray says of its nodes, such as of a lost one, which we say ourselves.
+
+    Ray prints it on standard output, where results go, and has no option against it.
+    """
+    if hasattr(ray._private.worker, "print_to_stdstream"):
+        ray._private.worker.print_to_stdstream = _say_detail
+
+
+def _say_detail(data: Mapping[str, Any], **_: Any) -> None:
+    for line in data.get("lines", ()):
+        detail(f"Ray: {one_line(line, 300)}")
 
 
 @contextmanager

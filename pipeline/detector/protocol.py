@@ -35,7 +35,7 @@ class Range:
         return inside
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Detections:
     """K detections in one cloud, best first.
 

@@ -26,7 +26,7 @@ def no_boxes() -> Float64:
     return np.zeros((0, len(BOX_COLUMNS)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Boxes:
     """M labelled road users in one frame.
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,10 @@ LOOSE_IOU: Mapping[str, float] = {"car": 0.5, "truck": 0.5, "cyclist": 0.25, "pe
 """KITTI's loose overlaps."""
 
 _CHUNK = 1 << 20
+
+_FEW_BLOCKS = 64
+"""Up to so many blocks, each draw adds up the counts of blocks; of more, of detections: a long drive has
+many thresholds and many blocks, and their product would grow with its square."""
 
 
 @dataclass(frozen=True)
@@ -121,30 +125,42 @@ class RankedMatches:
         times: (W, B), how often each draw contains each block of frames. block: (F,), the frame's block.
         """
         times = np.asarray(times, dtype=np.float64)
-        found, detected = self._by_block(block, times.shape[1])
         n_truth: Float64 = times @ np.bincount(block, self.n_truth, minlength=times.shape[1])
-        step = max(1, _CHUNK // max(len(found), 1))
+        is_few = times.shape[1] <= _FEW_BLOCKS
+        counts = self._counts_by_block(block, times.shape[1]) if is_few else partial(self._counts, block)
+        step = max(1, _CHUNK // max(len(self._useful) if is_few else len(self.scores), 1))
         parts = [
-            _interpolated(times[s : s + step] @ found.T, times[s : s + step] @ detected.T,
-                          n_truth[s : s + step], positions)
+            _interpolated(*counts(times[s : s + step]), n_truth[s : s + step], positions)
             for s in range(0, len(times), step)
-        ]  # fmt: skip
+        ]
         return np.concatenate([np.zeros(0), *parts])
 
-    def _by_block(self, block: Int64, n_blocks: int) -> tuple[Float64, Float64]:
-        """True positives and detections (T, B) of each block down to each threshold with a new true positive.
-
-        Between these thresholds precision only falls. Sums of whole numbers are exact in any order, so the
-        result does not depend on the number of threads.
-        """
+    @cached_property
+    def _useful(self) -> Int64:
+        """(T,) the thresholds with a new true positive: between them precision only falls."""
         found = np.cumsum(self.is_true_positive)[self._threshold]
-        useful = self._threshold[np.diff(found, prepend=0) > 0]
-        segment = np.searchsorted(useful, np.arange(len(self.scores)))
+        return self._threshold[np.diff(found, prepend=0) > 0]
+
+    def _counts(self, block: Int64, times: Float64) -> tuple[Float64, Float64]:
+        """True positives and detections (W, T) down to each of the useful thresholds, in each of W draws.
+
+        Sums of whole numbers are exact in any order, so the result does not depend on the number of threads.
+        """
+        weights = times[:, block[self.frame]]
+        both = (np.cumsum(each, axis=1) for each in (weights * self.is_true_positive, weights))
+        found, detected = (np.take(each, self._useful, axis=1) for each in both)  # row by row, as sums go
+        return found, detected
+
+    def _counts_by_block(self, block: Int64, n_blocks: int) -> Callable[[Float64], tuple[Float64, Float64]]:
+        """The same function of W draws, from the counts of each block."""
+        segment = np.searchsorted(self._useful, np.arange(len(self.scores)))
         cell = segment * n_blocks + block[self.frame]
-        shape = (len(useful) + 1, n_blocks)  # detections after the last true positive are dropped
-        detected = np.bincount(cell, minlength=shape[0] * n_blocks).reshape(shape)[:-1]
-        hits = np.bincount(cell, self.is_true_positive, minlength=shape[0] * n_blocks).reshape(shape)[:-1]
-        return np.cumsum(hits, axis=0, dtype=np.float64), np.cumsum(detected, axis=0, dtype=np.float64)
+        shape = (len(self._useful) + 1, n_blocks)  # detections after the last true positive are dropped
+        cells = shape[0] * n_blocks
+        detected = np.bincount(cell, minlength=cells).reshape(shape)[:-1]
+        hits = np.bincount(cell, self.is_true_positive, minlength=cells).reshape(shape)[:-1]
+        found, seen = (np.cumsum(each, axis=0, dtype=np.float64) for each in (hits, detected))
+        return lambda times: (times @ found.T, times @ seen.T)
 
     def best_f1_score(self) -> float:
         """The score threshold with the best F1, a natural operating point; 0 without detections.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -82,8 +83,14 @@ class BlockBootstrap:
 
         statistic: maps the `times` (W, B) of W draws to (W,). It is computed once for equal draws.
         """
+        distinct, row = self._distinct
+        return statistic(distinct)[row] if len(distinct) else np.zeros(0)
+
+    @cached_property
+    def _distinct(self) -> tuple[Int64, Int64]:
+        """The draws (W, B) without repetition, and which of them each draw is."""
         distinct, row = np.unique(self.times, axis=0, return_inverse=True)
-        return statistic(distinct)[row.reshape(-1)] if len(distinct) else np.zeros(0)
+        return distinct, row.reshape(-1)
 
 
 def percentile_interval(samples: Float64, level: float = 0.95) -> tuple[float, float] | None:

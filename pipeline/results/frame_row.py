@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CloudCounts:
     """What is counted in one cloud of a frame, the clean one too, at the working point of its report.
 
@@ -36,7 +36,7 @@ class CloudCounts:
     displaced_objects: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FrameRow:
     """Index of the frame in the clean bag, stamp, number of evaluated objects, and the counts of each cloud
     that it has, by condition: a column's name is `points_adv`, the field's and the condition's.

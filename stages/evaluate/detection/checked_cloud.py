@@ -14,7 +14,7 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CheckedCloud:
     """score: of the cloud. points, flagged: of the cloud; both 0 for a check that judges no points. touched,
     touched_flagged: of the points that an attack moved or added. detections: (K,) scores of the judged
@@ -47,7 +47,7 @@ class CheckedCloud:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CheckedFrame:
     """A check on the clean cloud of a frame and on its adversarial version; None where that is as it was."""
 

@@ -13,14 +13,15 @@ from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.stages.evaluate.detection.checked_cloud import CheckedFrame
 from advpipe.stages.evaluate.detection.displacement import Displacement
+from advpipe.stages.evaluate.detection.matches import Matches
 from advpipe.stages.evaluate.detection.point_traces import PointTraces
-from advpipe.stages.evaluate.detection.scoring import Matches, Truth
+from advpipe.stages.evaluate.detection.scoring import Truth
 
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CloudResult:
     """The detector's results on one cloud, and how far the cloud is from the clean one.
 
@@ -44,7 +45,7 @@ class CloudResult:
     traces: PointTraces = field(default_factory=PointTraces)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FrameResult:
     """One frame: its ground truth and the clouds of it. Indices count in their own bag.
 

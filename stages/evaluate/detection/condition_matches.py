@@ -71,10 +71,9 @@ class ConditionMatches:
         bootstrap: BlockBootstrap,
     ) -> ConditionMatches:
         """The matches of these frames under a condition."""
+        found = [frame.all_clouds()[condition].matches for frame in frames]
         tables = {
-            (criterion, name): MatchTable.of(
-                [frame.all_clouds()[condition].matches[criterion, name] for frame in frames]
-            )
+            (criterion, name): MatchTable.of([matches[criterion, name] for matches in found])
             for criterion in CRITERIA
             for name in classes
         }

@@ -12,7 +12,7 @@ from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.messages.cloud_difference import CloudDifference
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Displacement:
     """Lengths in metres, in float64 from the coordinates as stored; zeros where no point was moved.
 

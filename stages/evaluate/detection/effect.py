@@ -61,7 +61,7 @@ def _record(
     displaced = np.array(
         [
             (
-                int(found_objects(frame.truth, frame.clean.matches, scored.min_score, "strict").sum()),
+                int(found_objects(frame.clean.matches, scored.min_score, "strict").sum()),
                 row.clouds[condition].displaced_objects,
             )
             for frame, row in zip(frames, rows, strict=True)

@@ -7,28 +7,26 @@ import numpy.typing as npt
 
 from advpipe.pipeline.results.frame_row import CloudCounts, FrameRow
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
-from advpipe.stages.evaluate.detection.scoring import Truth, false_positives, found_objects, new_boxes
+from advpipe.stages.evaluate.detection.scoring import false_positives, found_objects, new_boxes
 
 Bool = npt.NDArray[np.bool_]
 
 
-def lost_objects(
-    truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float, criterion: str = "loose"
-) -> Bool:
+def lost_objects(clean: CloudResult, cloud: CloudResult, min_score: float, criterion: str = "loose") -> Bool:
     """Which objects (M,) the detector finds on the clean cloud and misses on the other one."""
-    found, still = (found_objects(truth, each.matches, min_score, criterion) for each in (clean, cloud))
+    found, still = (found_objects(each.matches, min_score, criterion) for each in (clean, cloud))
     return found & ~still
 
 
-def displaced_objects(truth: Truth, clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
+def displaced_objects(clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
     """Which objects (M,) are found strictly on the clean cloud, and on the other at loose overlap only."""
-    loosely = found_objects(truth, cloud.matches, min_score)
-    return lost_objects(truth, clean, cloud, min_score, "strict") & loosely
+    loosely = found_objects(cloud.matches, min_score)
+    return lost_objects(clean, cloud, min_score, "strict") & loosely
 
 
 def new_false_positives(clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
     """Which detections (K,) on a cloud find nothing and overlap no detection on the clean one."""
-    wrong = false_positives(cloud.detections, cloud.matches, min_score)
+    wrong = false_positives(cloud.matches, min_score)
     new = new_boxes(cloud.detections, clean.detections, min_score)
     return wrong & new
 
@@ -46,7 +44,7 @@ def frame_row(frame: FrameResult, min_score: float) -> FrameRow:
 
 
 def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> CloudCounts:
-    lost, way = lost_objects(frame.truth, frame.clean, cloud, min_score), cloud.displacement
+    lost, way = lost_objects(frame.clean, cloud, min_score), cloud.displacement
     return CloudCounts(
         points=cloud.points,
         points_removed=cloud.points_removed,
@@ -60,10 +58,10 @@ def _counts(frame: FrameResult, cloud: CloudResult, min_score: float) -> CloudCo
         max_added_m=way.max_added_m,
         chamfer_distance_m2=cloud.chamfer_distance_m2,
         objects_below_min_points=int(cloud.emptied.sum()),
-        found_objects=int(found_objects(frame.truth, cloud.matches, min_score).sum()),
-        false_positives=int(false_positives(cloud.detections, cloud.matches, min_score).sum()),
+        found_objects=int(found_objects(cloud.matches, min_score).sum()),
+        false_positives=int(false_positives(cloud.matches, min_score).sum()),
         lost_objects=int(lost.sum()),
         new_false_positives=int(new_false_positives(frame.clean, cloud, min_score).sum()),
         lost_objects_recounted=int((lost & ~cloud.emptied).sum()),
-        displaced_objects=int(displaced_objects(frame.truth, frame.clean, cloud, min_score).sum()),
+        displaced_objects=int(displaced_objects(frame.clean, cloud, min_score).sum()),
     )

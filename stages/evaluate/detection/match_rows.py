@@ -25,7 +25,8 @@ from advpipe.stages.evaluate.detection.frame_row import (
     lost_objects,
     new_false_positives,
 )
-from advpipe.stages.evaluate.detection.scoring import CRITERIA, labelled
+from advpipe.stages.evaluate.detection.matches import labelled
+from advpipe.stages.evaluate.detection.scoring import CRITERIA
 
 Column = npt.NDArray[np.generic]
 
@@ -33,8 +34,8 @@ Column = npt.NDArray[np.generic]
 def match_rows(result: ResultRow, frame: FrameResult, condition: str, min_score: float) -> Iterator[MatchRow]:
     """Each detection under a condition, then each object; `min_score` is the working point."""
     cloud, truth = frame.all_clouds()[condition], frame.truth
-    lost = lost_objects(truth, frame.clean, cloud, min_score)
-    displaced = displaced_objects(truth, frame.clean, cloud, min_score)
+    lost = lost_objects(frame.clean, cloud, min_score)
+    displaced = displaced_objects(frame.clean, cloud, min_score)
     new = new_false_positives(frame.clean, cloud, min_score)
     emptied = cloud.emptied if len(cloud.emptied) else np.zeros(len(truth.boxes), dtype=bool)
     outcomes = _outcomes(frame, cloud)

@@ -19,7 +19,7 @@ AT_FACE_M = 0.0015
 """A point this near to a face of its voxel lies at it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PointTraces:
     """Counts of points. off_ray: moved ones that left their ray. in_grid, at_face: moved and added ones that
     the detector's voxels hold, and those of them at a face; clean_in_grid, clean_at_face: of the clean cloud.

@@ -19,7 +19,8 @@ from advpipe.pipeline.geometry.boxes import CLASSES, MIN_POINTS, Boxes, count_po
 from advpipe.pipeline.geometry.iou import iou_3d, iou_bev
 from advpipe.pipeline.messages.cloud import Cloud, xyz
 from advpipe.pipeline.metrics.average_precision import LOOSE_IOU, STRICT_IOU
-from advpipe.pipeline.metrics.matching import FrameMatches, match_overlaps
+from advpipe.pipeline.metrics.matching import match_overlaps
+from advpipe.stages.evaluate.detection.matches import Matches, labelled
 
 Bool = npt.NDArray[np.bool_]
 Int64 = npt.NDArray[np.int64]
@@ -47,11 +48,8 @@ CRITERIA: Mapping[str, Criterion] = {
 
 _OVERLAP = {"3d": iou_3d, "bev": iou_bev}
 
-Matches = Mapping[tuple[str, str], FrameMatches]
-"""By criterion and class."""
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Truth:
     """The M objects of a frame, in the LiDAR's frame.
 
@@ -89,12 +87,6 @@ def ground_truth(
     evaluated = findable & (points >= MIN_POINTS)
     occlusion_of = np.array(hidden, dtype=np.float64)
     return Truth(boxes, findable, evaluated, points, occlusion_of, clean.uncounted)
-
-
-def labelled(labels: Int64, name: str) -> Bool:
-    """Which of the boxes with these labels (M,) are of a class."""
-    mine: Bool = labels == CLASSES.index(name)
-    return mine
 
 
 def known_classes(detector: ObjectDetector) -> tuple[str, ...]:
@@ -167,19 +159,30 @@ def match(
         if space in spaces
     }
     uncounted = {space: _uncounted_overlap(truth.uncounted, detections, space) for space in spaces}
-    matches = {}
+    found_by = np.full((len(criteria), len(truth.boxes)), -1, dtype=np.int32)
+    is_ignored = np.ones((len(criteria), len(detections)), dtype=bool)
     for name in classes:
-        mine, theirs = labelled(truth.boxes.labels, name), labelled(detections.labels, name)
-        for criterion in criteria:
+        mine, theirs = (np.flatnonzero(labelled(boxes.labels, name)) for boxes in (truth.boxes, detections))
+        for row, criterion in enumerate(criteria):
             space, min_iou = CRITERIA[criterion].space, CRITERIA[criterion].min_iou[name]
             found = match_overlaps(
                 overlaps[space][np.ix_(theirs, mine)],
                 truth.is_evaluated[mine],
                 detections.scores[theirs],
                 min_iou,
-            )
-            matches[criterion, name] = found.ignoring(uncounted[space][theirs] >= min_iou)
-    return matches
+            ).ignoring(uncounted[space][theirs] >= min_iou)
+            found_by[row, mine] = np.append(theirs, -1)[found.found_by]
+            is_ignored[row, theirs] = found.is_ignored
+    return Matches(
+        tuple(criteria),
+        classes,
+        truth.boxes.labels,
+        truth.is_evaluated,
+        detections.labels,
+        detections.scores,
+        found_by,
+        is_ignored,
+    )
 
 
 def _uncounted_overlap(uncounted: Uncounted, detections: Detections, space: str) -> Float64:
@@ -189,22 +192,14 @@ def _uncounted_overlap(uncounted: Uncounted, detections: Detections, space: str)
     return np.where(uncounted.ignores_centres(detections.boxes), np.inf, overlap)
 
 
-def found_objects(truth: Truth, matches: Matches, min_score: float, criterion: str = "loose") -> Bool:
+def found_objects(matches: Matches, min_score: float, criterion: str = "loose") -> Bool:
     """Which objects (M,) are evaluated and found by a criterion with at least this score."""
-    found = np.zeros(len(truth.boxes), dtype=bool)
-    for (matched_by, name), frame in matches.items():
-        if matched_by == criterion:
-            found[labelled(truth.boxes.labels, name)] = frame.found(min_score)
-    return found
+    return matches.of_all_classes(criterion).found(min_score)
 
 
-def false_positives(detections: Detections, matches: Matches, min_score: float) -> Bool:
+def false_positives(matches: Matches, min_score: float) -> Bool:
     """Which detections (K,) of at least this score find nothing by the loose criterion."""
-    wrong = np.zeros(len(detections), dtype=bool)
-    for (criterion, name), frame in matches.items():
-        if criterion == "loose":
-            wrong[labelled(detections.labels, name)] = frame.is_false_positive(min_score)
-    return wrong
+    return matches.of_all_classes("loose").is_false_positive(min_score)
 
 
 def new_boxes(detections: Detections, known: Detections, min_score: float) -> Bool:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.matching import MatchTable
 from advpipe.stages.evaluate.detection.comparison import FrameResult
-from advpipe.stages.evaluate.detection.scoring import labelled
+from advpipe.stages.evaluate.detection.matches import labelled
 
 Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]

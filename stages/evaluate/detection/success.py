@@ -11,16 +11,17 @@ import numpy.typing as npt
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap, percentile_interval
 from advpipe.pipeline.results.records import SuccessRecord
 from advpipe.pipeline.results.row import ResultRow
-from advpipe.stages.evaluate.detection.comparison import FrameResult
+from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.condition_matches import WHOLE
 from advpipe.stages.evaluate.detection.frame_row import (
     displaced_objects,
     lost_objects,
     new_false_positives,
 )
+from advpipe.stages.evaluate.detection.matches import labelled
 from advpipe.stages.evaluate.detection.metrics import above_0, ratio
 from advpipe.stages.evaluate.detection.scored import Scored
-from advpipe.stages.evaluate.detection.scoring import found_objects, labelled
+from advpipe.stages.evaluate.detection.scoring import found_objects
 from advpipe.stages.evaluate.detection.strata import STRATA, Stratum, box_range_m
 
 Int64 = npt.NDArray[np.int64]
@@ -33,54 +34,67 @@ EVERY_CLASS = "all"
 
 
 @dataclass(frozen=True)
-class FrameOutcome:
-    """What became of the M objects of a frame in one of its clouds, and the K detections there.
+class Outcomes:
+    """What became of the M objects of F frames in one of the clouds of each, and the K detections there.
 
-    found, lost, displaced: (M,), at loose overlap unless strictly. new: (K,), false positives.
+    object_frame, detection_frame: (M,) and (K,), which of the frames. objects: (M, 5), whether each object is
+    found on the clean cloud, lost, found strictly, lost strictly, displaced. new: (K,), false positives.
     """
 
+    frames: int
+    object_frame: Int64
     object_labels: Int64
     object_ranges_m: Float64
+    objects: Bool
+    detection_frame: Int64
     detection_labels: Int64
     detection_ranges_m: Float64
-    found: Bool
-    lost: Bool
     new: Bool
-    strictly_found: Bool
-    strictly_lost: Bool
-    displaced: Bool
 
     @classmethod
-    def of(cls, frame: FrameResult, condition: str, min_score: float) -> FrameOutcome:
-        cloud, truth, clean = frame.clouds()[condition], frame.truth, frame.clean
+    def of(cls, frames: Sequence[FrameResult], condition: str, min_score: float) -> Outcomes:
+        """The outcomes in the clouds of a condition; there is at least one frame."""
+        truths = [frame.truth.boxes for frame in frames]
+        clouds = [frame.clouds()[condition] for frame in frames]
+        both = [(frame.clean, cloud) for frame, cloud in zip(frames, clouds, strict=True)]
         return cls(
-            object_labels=truth.boxes.labels,
-            object_ranges_m=box_range_m(truth.boxes.geometry),
-            detection_labels=cloud.detections.labels,
-            detection_ranges_m=box_range_m(cloud.detections.boxes),
-            found=found_objects(truth, clean.matches, min_score),
-            lost=lost_objects(truth, clean, cloud, min_score),
-            new=new_false_positives(clean, cloud, min_score),
-            strictly_found=found_objects(truth, clean.matches, min_score, "strict"),
-            strictly_lost=lost_objects(truth, clean, cloud, min_score, "strict"),
-            displaced=displaced_objects(truth, clean, cloud, min_score),
+            len(frames),
+            np.repeat(np.arange(len(frames)), [len(each) for each in truths]),
+            np.concatenate([each.labels for each in truths]),
+            np.concatenate([box_range_m(each.geometry) for each in truths]),
+            np.concatenate([_of_objects(clean, cloud, min_score) for clean, cloud in both]),
+            np.repeat(np.arange(len(frames)), [len(each.detections) for each in clouds]),
+            np.concatenate([each.detections.labels for each in clouds]),
+            np.concatenate([box_range_m(each.detections.boxes) for each in clouds]),
+            np.concatenate([new_false_positives(clean, cloud, min_score) for clean, cloud in both]),
         )
 
-    def counts(self, name: str, stratum: Stratum) -> tuple[int, ...]:
-        """Of a class or of every one, in a range, in the order of the columns of `_record`."""
-        objects = stratum.holds(self.object_ranges_m)
-        detections = stratum.holds(self.detection_ranges_m)
+    def counts(self, name: str, stratum: Stratum) -> Int64:
+        """Of a class or of every one, in a range: (F, 6), the columns of `objects`, then the new."""
+        objects, detections = stratum.holds(self.object_ranges_m), stratum.holds(self.detection_ranges_m)
         if name != EVERY_CLASS:
             objects &= labelled(self.object_labels, name)
             detections &= labelled(self.detection_labels, name)
-        return (
-            int((self.found & objects).sum()),
-            int((self.lost & objects).sum()),
-            int((self.new & detections).sum()),
-            int((self.strictly_found & objects).sum()),
-            int((self.strictly_lost & objects).sum()),
-            int((self.displaced & objects).sum()),
-        )
+        of_objects = [
+            np.bincount(self.object_frame[objects & outcome], minlength=self.frames)
+            for outcome in self.objects.T
+        ]
+        of_detections = np.bincount(self.detection_frame[detections & self.new], minlength=self.frames)
+        return np.stack([*of_objects, of_detections], axis=1)
+
+
+def _of_objects(clean: CloudResult, cloud: CloudResult, min_score: float) -> Bool:
+    """The columns (M, 5) of `Outcomes.objects` of one frame."""
+    return np.stack(
+        [
+            found_objects(clean.matches, min_score),
+            lost_objects(clean, cloud, min_score),
+            found_objects(clean.matches, min_score, "strict"),
+            lost_objects(clean, cloud, min_score, "strict"),
+            displaced_objects(clean, cloud, min_score),
+        ],
+        axis=1,
+    )
 
 
 def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]) -> Iterator[SuccessRecord]:
@@ -90,7 +104,7 @@ def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]
     class and range.
     """
     for condition in conditions:
-        outcomes = [FrameOutcome.of(frame, condition, scored.min_score) for frame in scored.comparison.frames]
+        outcomes = Outcomes.of(scored.comparison.frames, condition, scored.min_score)
         for name in (EVERY_CLASS, *scored.classes):
             for stratum in RANGES:
                 yield _record(scored, result, outcomes, condition, name, stratum)
@@ -99,15 +113,14 @@ def success_records(scored: Scored, result: ResultRow, conditions: Sequence[str]
 def _record(
     scored: Scored,
     result: ResultRow,
-    outcomes: Sequence[FrameOutcome],
+    outcomes: Outcomes,
     condition: str,
     name: str,
     stratum: Stratum,
 ) -> SuccessRecord:
     bootstrap = scored.bootstrap
-    counts = np.array([outcome.counts(name, stratum) for outcome in outcomes])
-    # (F, 6): found, lost and new at loose overlap, found and lost at strict overlap, displaced
-    found, lost, new, strictly_found, strictly_lost, displaced = (int(count) for count in counts.sum(axis=0))
+    counts = outcomes.counts(name, stratum)
+    found, lost, strictly_found, strictly_lost, displaced, new = (int(count) for count in counts.sum(axis=0))
     return SuccessRecord(
         *result.identity,
         condition=condition,
@@ -121,7 +134,7 @@ def _record(
         strict_found_clean=strictly_found,
         strict_lost=strictly_lost,
         strict_attack_success_percent=100 * ratio(strictly_lost, strictly_found),
-        strict_attack_success_ci95=percentile_interval(share_draws(counts[:, 3:5], bootstrap)),
+        strict_attack_success_ci95=percentile_interval(share_draws(counts[:, 2:4], bootstrap)),
         displaced=displaced,
         new_false_positives=new,
     )

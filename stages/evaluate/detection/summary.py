@@ -85,9 +85,7 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
         condition: ConditionMatches.of(frames, condition, classes, in_map, bootstrap)
         for condition in conditions
     }
-    loose = [
-        m for frame in frames for (criterion, _), m in frame.clean.matches.items() if criterion == "loose"
-    ]
+    loose = [frame.clean.matches.of_all_classes("loose") for frame in frames]
     min_score = RankedMatches.of(loose).best_f1_score()
     per_frame = tuple(frame_row(frame, min_score) for frame in frames)
     scored = Scored(comparison, by_condition, classes, tuple(in_map), bootstrap, min_score, per_frame)

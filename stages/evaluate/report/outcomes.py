@@ -11,7 +11,8 @@ from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.geometry.iou import iou_3d
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
 from advpipe.stages.evaluate.detection.frame_row import displaced_objects, lost_objects
-from advpipe.stages.evaluate.detection.scoring import Bool, Int64, Truth, labelled
+from advpipe.stages.evaluate.detection.matches import labelled
+from advpipe.stages.evaluate.detection.scoring import Bool, Int64, Truth
 from advpipe.stages.evaluate.report.numbers import NOTHING
 from advpipe.stages.evaluate.report.section import Table
 
@@ -71,8 +72,8 @@ def _lines(frame: FrameResult, min_score: float) -> list[tuple[str, ...]]:
     if adversarial is None:
         return []
     outcomes: tuple[tuple[str, Bool], ...] = (
-        ("lost", lost_objects(truth, frame.clean, adversarial, min_score)),
-        ("displaced", displaced_objects(truth, frame.clean, adversarial, min_score)),
+        ("lost", lost_objects(frame.clean, adversarial, min_score)),
+        ("displaced", displaced_objects(frame.clean, adversarial, min_score)),
     )
     found_by = [(cloud, *best_detections(truth, cloud)) for cloud in (frame.clean, adversarial)]
     lines = []

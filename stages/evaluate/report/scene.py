@@ -69,7 +69,7 @@ def best_frames(summary: Summary, count: int, but: Sequence[FrameResult]) -> lis
     """
     candidates = []
     for frame in summary.comparison.frames:
-        found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
+        found = int(found_objects(frame.clean.matches, summary.min_score).sum())
         if found:
             damage = _damage(frame, summary.min_score)
             candidates.append((damage / (found + damage), -found, frame.index, frame))
@@ -96,7 +96,7 @@ def _damage(frame: FrameResult, min_score: float) -> int:
 
 
 def _wrong(cloud: CloudResult, min_score: float) -> int:
-    return int(false_positives(cloud.detections, cloud.matches, min_score).sum())
+    return int(false_positives(cloud.matches, min_score).sum())
 
 
 def load_scene(
@@ -114,9 +114,9 @@ def load_scene(
         missed = f"{int(lost.sum())} of {objects} objects missed"
         title = f"frame {frame.index}: {missed}, {wrong} false positive{'' if wrong == 1 else 's'}"
         return ReportScene(title, name, frame.truth, lost, before, None, None, min_score=summary.min_score)
-    found = int(found_objects(frame.truth, frame.clean.matches, summary.min_score).sum())
+    found = int(found_objects(frame.clean.matches, summary.min_score).sum())
     seen = frame.adversarial.detections
-    displaced = displaced_objects(frame.truth, frame.clean, frame.adversarial, summary.min_score)
+    displaced = displaced_objects(frame.clean, frame.adversarial, summary.min_score)
     after = CloudView(
         _cloud(bag, frame.adversarial_index, lidar_topic), _seen(seen.boxes, seen.scores, summary)
     )
@@ -158,8 +158,8 @@ def attack_title(made_by: AttackRecord | TransferRecord) -> str:
 
 def _lost(frame: FrameResult, min_score: float) -> Bool:
     if frame.adversarial is None:
-        return frame.truth.is_evaluated & ~found_objects(frame.truth, frame.clean.matches, min_score)
-    return lost_objects(frame.truth, frame.clean, frame.adversarial, min_score)
+        return frame.truth.is_evaluated & ~found_objects(frame.clean.matches, min_score)
+    return lost_objects(frame.clean, frame.adversarial, min_score)
 
 
 def _seen(boxes: Float64, scores: Float64, summary: Summary) -> Float64:

@@ -34,12 +34,12 @@ from advpipe.pipeline.viewer.scene import (
     prediction_box,
 )
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
+from advpipe.stages.evaluate.detection.matches import labelled
 from advpipe.stages.evaluate.detection.scoring import (
     Bool,
     Truth,
     false_positives,
     found_objects,
-    labelled,
 )
 from advpipe.stages.evaluate.detection.summary import Summary
 from advpipe.stages.evaluate.report.outcomes import best_box, best_detections
@@ -117,8 +117,8 @@ def _viewer_scene(
 def object_outcomes(frame: FrameResult, min_score: float) -> list[str]:
     """What became of each object of a frame, of detections with at least this score."""
     on = [frame.clean, *([frame.adversarial] if frame.adversarial else [])]
-    loose = [found_objects(frame.truth, cloud.matches, min_score) for cloud in on]
-    strict = [found_objects(frame.truth, cloud.matches, min_score, "strict") for cloud in on]
+    loose = [found_objects(cloud.matches, min_score) for cloud in on]
+    strict = [found_objects(cloud.matches, min_score, "strict") for cloud in on]
     outcomes = np.full(len(frame.truth.boxes), FOUND, dtype=object)
     outcomes[strict[0] & ~strict[-1]] = DISPLACED
     outcomes[loose[0] & ~loose[-1]] = LOST
@@ -195,7 +195,7 @@ def _predictions(summary: Summary, frame: FrameResult) -> Iterator[SceneBox]:
 
 
 def _prediction_outcomes(cloud: CloudResult, min_score: float) -> list[str]:
-    wrong: Bool = false_positives(cloud.detections, cloud.matches, min_score)
+    wrong: Bool = false_positives(cloud.matches, min_score)
     ignored = np.zeros(len(wrong), dtype=bool)
     for (criterion, name), matches in cloud.matches.items():
         if criterion == "loose":

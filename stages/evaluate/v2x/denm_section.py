@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from advpipe.pipeline.bag.reader import BagReader
-from advpipe.pipeline.bag.receptions import RecordedReception, recorded_receptions
+from advpipe.pipeline.bag.receptions import RecordedReception, receiving_vehicles, recorded_receptions
 from advpipe.pipeline.labels.messages import has_labels, read_labels
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_SENT
 from advpipe.pipeline.misbehaviour.claim import Claim
@@ -93,10 +93,11 @@ def _lead(records: Sequence[DenmRecord]) -> str:
 def _records(reader: BagReader, bag: Path, name: str) -> list[DenmRecord]:
     if not {SCENARIO_INFO.name, V2X_SENT.name} <= reader.topics.keys():
         return []
+    of_vehicle = {one: _received(reader, one) for one in receiving_vehicles(reader)}
+    if not any(each.denms for each in of_vehicle.values()):
+        return []  # before more of the drive is read
     recording = read_recording(reader)
-    received = {one: _received(reader, one) for one in recording.listeners}
-    if not any(each.denms for each in received.values()):
-        return []
+    received = {one: of_vehicle.get(one, _Received([], [])) for one in recording.listeners}
     false = {label.number for label in read_labels(bag)} if has_labels(bag) else set[int]()
     cams = _cams(reader, recording)
     near = _events_nearby(reader, list(received), false)

@@ -138,6 +138,21 @@ def test_a_killed_node_loses_no_job(cluster: RayCluster, prepare: partial[Any]) 
     assert found == {job: (job, "hello") for job in range(40)}
 
 
+@pytest.mark.parametrize("verbose", [False, True])
+def test_what_ray_says_of_its_nodes_is_a_detail(
+    cluster: RayCluster, capsys: pytest.CaptureFixture[str], verbose: bool
+) -> None:
+    """Ray would print it where results go, and a JSON document with it would be none."""
+    with use_verbosity(Verbosity(verbose=verbose)), use_cluster(cluster.address):
+        from ray._private import worker
+
+        lost = {"lines": ["The node has been marked dead\nsince"], "pid": "raylet", "is_err": False}
+        worker.print_to_stdstream(lost, ignore_prefix=False)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert ("Ray: The node has been marked dead since" in said.err) is verbose
+
+
 def test_a_cluster_without_gpus(cluster: RayCluster) -> None:
     refused = pytest.raises(AdvpipeError, match=r"^the cluster has no node with a GPU; use device='cpu'")
     with refused, use_cluster(cluster.address, "cuda"):

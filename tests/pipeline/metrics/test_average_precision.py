@@ -300,6 +300,21 @@ def test_weights_equal_repeated_frames():
     assert RankedMatches.of(matches).average_precision(weights) == pytest.approx(average_precision(repeated))
 
 
+def test_draws_of_many_blocks_are_those_of_few_to_the_last_bit(monkeypatch):
+    rng = np.random.default_rng(3)
+    frames = [random_frame(rng) for _ in range(90)]
+    matches = [
+        match(truth, found, rng.random(len(scores)), evaluated) for truth, evaluated, found, scores in frames
+    ]
+    times = rng.multinomial(90, np.full(90, 1 / 90), size=40)
+    ranked = RankedMatches.of(matches)
+    many = ranked.average_precisions(times, np.arange(90))
+    monkeypatch.setattr(f"{RankedMatches.__module__}._FEW_BLOCKS", 90)
+    monkeypatch.setattr(f"{RankedMatches.__module__}._CHUNK", 1)
+    np.testing.assert_array_equal(ranked.average_precisions(times, np.arange(90)), many)
+    assert len(np.unique(many)) > 30
+
+
 def test_the_order_of_frames_does_not_matter():
     rng = np.random.default_rng(4)
     matches = [match_frame(*random_frame(rng), 0.5) for _ in range(8)]

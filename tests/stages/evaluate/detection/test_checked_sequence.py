@@ -7,7 +7,7 @@ from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.stages.evaluate.detection.checked_sequence import checked_sequence
 from advpipe.stages.evaluate.detection.comparison import CloudResult, FrameResult
-from advpipe.stages.evaluate.detection.scoring import Truth
+from advpipe.stages.evaluate.detection.scoring import Truth, match
 
 NOBODY = Truth(Boxes(), np.zeros(0, bool), np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0))
 
@@ -18,7 +18,9 @@ def cloud(number, removed=0, scores=(0.9, 0.8)):
     boxes[:2, 0] = [10.0 + number, 20.0][: len(scores)]
     boxes[1:, 1] = 8.0
     found = Detections(boxes, np.array(scores), np.zeros(len(scores), np.int64))
-    return CloudResult(found, {}, np.zeros(len(scores), np.int64), 100, points_removed=removed)
+    return CloudResult(
+        found, match(NOBODY, found, ()), np.zeros(len(scores), np.int64), 100, points_removed=removed
+    )
 
 
 def frame(number, attacked=None):
