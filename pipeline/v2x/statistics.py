@@ -125,7 +125,9 @@ class Statistics:
 def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
     """Counts (BINS + 1, outcomes) of message-receiver pairs; the last row has those farther away."""
     nth = np.minimum(distance_m / BIN_M, BINS).astype(np.int64)
-    counts = np.bincount(nth * len(Outcome) + outcome, minlength=(BINS + 1) * len(Outcome))
+    nth *= len(Outcome)
+    nth += outcome
+    counts = np.bincount(nth, minlength=(BINS + 1) * len(Outcome))
     return counts.reshape(BINS + 1, len(Outcome))
 
 
@@ -180,9 +182,8 @@ class Tally:
         self._pairs[0] -= by_outcome[Outcome.OWN]  # the sender itself is not a pair
         self._received += counts[:BINS, Outcome.RECEIVED]
         self._outcomes += by_outcome
-        received = np.flatnonzero(outcome == Outcome.RECEIVED)
-        row = received // max(len(outcomes.receivers), 1)
-        delays_ns = outcomes.arrival_ns.ravel()[received] - outcomes.request_ns[row]
+        delays_ns = outcomes.arrival_ns - outcomes.request_ns[:, None]
+        delays_ns *= outcomes.outcome == Outcome.RECEIVED
         self._delay_sum_ns += int(delays_ns.sum())
         self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
         self._dropped += len(outcomes.dropped)
