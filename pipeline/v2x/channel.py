@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -270,9 +271,12 @@ class Channel:
         return opened
 
 
+_IN_ORDER = attrgetter("arrival_ns", "receiver", "message")
+
+
 def _due(receptions: Iterable[Reception], until_ns: int) -> tuple[list[Reception], list[Reception]]:
     """Those that arrived by then, and the later ones, both in the order of arrival."""
-    in_order = sorted(receptions, key=lambda one: (one.arrival_ns, one.receiver, one.message))
+    in_order = sorted(receptions, key=_IN_ORDER)
     due = [reception for reception in in_order if reception.arrival_ns <= until_ns]
     return due, in_order[len(due) :]
 

@@ -61,9 +61,8 @@ def reports_of_cams(
     cams: Sequence[Cam | CamCore], received_ns: Sequence[int], geodesy: Geodesy
 ) -> list[LdmReport | None]:
     """`report_of_cam` of each CAM; projecting many positions costs little more time than one."""
-    places = np.array(
-        [(_number(cam.latitude_deg), _number(cam.longitude_deg), _number(cam.altitude_m)) for cam in cams]
-    ).reshape(-1, 3)
+    stated = [(cam.latitude_deg, cam.longitude_deg, cam.altitude_m) for cam in cams]
+    places = np.array(stated, np.float64).reshape(-1, 3)  # None is NaN
     with np.errstate(invalid="ignore"):
         (valid,) = np.nonzero((np.abs(places[:, 0]) < 90) & (np.abs(places[:, 1]) <= 180))
     places = places[valid].T
@@ -84,14 +83,14 @@ def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m:
     x_m, y_m, z_m = front_m
     yaw_rad = math.atan2(north_m[1] - y_m, north_m[0] - x_m) - _number(cam.heading_rad)
     return LdmReport(
-        station_id=cam.station_id,
-        station_type=cam.station_type,
-        generation_ns=generation_time_ns(cam.generation_delta_time_ms, received_ns),
-        front_m=(x_m, y_m, z_m),
-        yaw_rad=math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
-        speed_mps=_number(cam.speed_mps),
-        length_m=_number(cam.length_m),
-        width_m=_number(cam.width_m),
+        cam.station_id,
+        cam.station_type,
+        generation_time_ns(cam.generation_delta_time_ms, received_ns),
+        (x_m, y_m, z_m),
+        math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
+        _number(cam.speed_mps),
+        _number(cam.length_m),
+        _number(cam.width_m),
     )
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from operator import attrgetter
 from pathlib import Path
 
 from advpipe.pipeline.bag.pseudonyms import radios_by_pseudonym
@@ -292,6 +293,9 @@ class V2xChange:
         yield from map(rejected_message, result.rejected)
 
 
+_order = attrgetter("request_ns", "number")
+
+
 def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
     """The messages after an editor, which sees those of its types alone."""
     names = editor.traits.message_types if isinstance(editor, V2xAttack) else (CAM.name,)
@@ -299,10 +303,6 @@ def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent]) -> list[
     for one in sent:
         (seen if message_type_of(one.payload).name in names else others).append(one)
     return [*editor.edit(step, tuple(seen)), *others]
-
-
-def _order(sent: Sent) -> tuple[int, int]:
-    return sent.request_ns, sent.number
 
 
 def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:

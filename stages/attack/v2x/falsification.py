@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ REFERENCE_POINT_M = "reference_point_m"
 """A field besides those of a CAM: x and y of the reference point in the map's frame."""
 
 
-@dataclass(frozen=True, slots=True)
-class OwnMessage:
+class OwnMessage(NamedTuple):
     """An attacker's message before its falsification.
 
     reference_point_m: x and y of the reference point, the middle of the vehicle's front side, in the map's
