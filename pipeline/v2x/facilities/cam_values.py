@@ -34,6 +34,10 @@ QUANTITIES: dict[str, tuple[tuple[str, ...], q.CamQuantity]] = {
     "yaw_rate_radps": ((*_FAST, "yawRate", "yawRateValue"), q.YAW_RATE),
 }
 """The path of each quantity in a CAM, and its coding."""
+_CODINGS = tuple(
+    (field, quantity.unavailable, quantity.beyond, quantity.per_unit)
+    for field, (_, quantity) in QUANTITIES.items()
+)
 PLAIN: dict[str, tuple[str, ...]] = {
     "station_id": ("header", "stationID"),
     "generation_delta_time_ms": ("cam", "generationDeltaTime"),
@@ -60,7 +64,7 @@ def values(tree: CamTree) -> dict[str, Any]:
     header, cam = tree["header"], tree["cam"]
     basic, fast = cam["camParameters"]["basicContainer"], cam["camParameters"][HIGH][1]
     place, pedals = basic["referencePosition"], fast.get("accelerationControl")
-    found = {
+    found: dict[str, Any] = {
         "station_id": header["stationID"],
         "generation_delta_time_ms": cam["generationDeltaTime"],
         "station_type": basic["stationType"],
@@ -75,8 +79,9 @@ def values(tree: CamTree) -> dict[str, Any]:
         "curvature_per_m": fast["curvature"]["curvatureValue"],
         "yaw_rate_radps": fast["yawRate"]["yawRateValue"],
     }
-    for field, (_, quantity) in QUANTITIES.items():
-        found[field] = quantity.value(found[field])
+    for field, unavailable, beyond, per_unit in _CODINGS:  # `CamQuantity.value` of each
+        code = found[field]
+        found[field] = None if code == unavailable else math.inf if code == beyond else code / per_unit
     found["acceleration_control"] = None if pedals is None else pedals[0]
     return found
 

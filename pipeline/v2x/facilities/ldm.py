@@ -69,10 +69,11 @@ def reports_of_cams(
     is_flat = ~np.isfinite(places[2])
     if is_flat.any():
         places[2, is_flat] = geodesy.to_geographic([0.0, 0.0, 0.0])[2]
-    northward = places + np.array([[_NORTHWARD_DEG], [0.0], [0.0]])
-    fronts_m, norths_m = np.split(geodesy.to_map(np.hstack([places, northward])), 2, axis=1)
+    both = np.concatenate([places, places], axis=1)
+    both[0, len(valid) :] += _NORTHWARD_DEG
+    both_m = geodesy.to_map(both).T.tolist()
     reports: list[LdmReport | None] = [None] * len(cams)
-    for index, front_m, north_m in zip(valid.tolist(), fronts_m.T.tolist(), norths_m.T.tolist(), strict=True):
+    for index, front_m, north_m in zip(valid.tolist(), both_m, both_m[len(valid) :], strict=False):
         if math.isfinite(front_m[0] + front_m[1]):  # the projection covers one side of the Earth
             reports[index] = _report(cams[index], received_ns[index], front_m, north_m)
     return reports
@@ -166,14 +167,15 @@ class LocalDynamicMap:
         return LdmSnapshot(now_ns, tuple(self._entries.values()), counts, self._heard.snapshot(now_ns))
 
     def _judge(self, report: LdmReport, now_ns: int) -> Verdict:
-        if self._is_expired(report, now_ns):
+        own_ns, generation_ns = now_ns + self._clock_error_ns, report.generation_ns
+        if generation_ns < own_ns - self._keep_ns:
             return Verdict.EXPIRED
-        if report.generation_ns > now_ns + self._clock_error_ns + self._keep_ns:
+        if generation_ns > own_ns + self._keep_ns:
             return Verdict.FUTURE
         known = self._entries.get(report.station_id)
         if known is None or self._replaces_newer or self._is_expired(known.report, now_ns):
             return Verdict.ACCEPTED
-        is_older = report.generation_ns < known.report.generation_ns
+        is_older = generation_ns < known.report.generation_ns
         return Verdict.SUPERSEDED if is_older else Verdict.ACCEPTED
 
     def _is_expired(self, report: LdmReport, now_ns: int) -> bool:

@@ -100,19 +100,20 @@ def _log_rate_of_a_bit(snr_db: Float64, channel_bitrate_mbps: float) -> Float64:
 def is_lost(luck: Float64, snr_db: Float64, bits: Int64, channel_bitrate_mbps: float) -> Bool:
     """Whether luck (N,), drawn from (0, 1), exceeds `success_rate` (N,).
 
-    The rates at the ends of an interval of 1/20 dB decide nearly always, in a tenth of the time.
+    The rates at the ends of an interval of 1 / `_PER_DB` nearly always decide, in a tenth of the time.
     """
     table = _log_rates(channel_bitrate_mbps)
-    interval = ((snr_db - _TABLE_FROM_DB) / _TABLE_STEP_DB).clip(0, len(table) - 2).astype(np.int64)
+    places = (snr_db - _TABLE_FROM_DB) * _PER_DB
+    interval = np.clip(places, 0, len(table) - 2, out=places).astype(np.int64)
     log_luck = np.log(luck)
-    lost: Bool = log_luck > bits * table[interval + 1] + _ROUNDING
-    (unclear,) = np.nonzero(~lost & (log_luck > bits * table[interval] - _ROUNDING))
-    chance = success_rate(snr_db[unclear], bits[unclear], channel_bitrate_mbps)
-    lost[unclear] = luck[unclear] > chance
+    lost: Bool = log_luck > bits * table[1:].take(interval) + _ROUNDING
+    unclear = np.flatnonzero(lost ^ (log_luck > bits * table.take(interval) - _ROUNDING))
+    if len(unclear):
+        lost[unclear] = luck[unclear] > success_rate(snr_db[unclear], bits[unclear], channel_bitrate_mbps)
     return lost
 
 
-_TABLE_FROM_DB, _TABLE_TO_DB, _TABLE_STEP_DB = -20.0, 60.0, 0.05
+_TABLE_FROM_DB, _PER_DB = -5.0, 2048
 _ROUNDING = 1e-9
 """More than the rounding errors of a logarithm of a rate that luck can be near to."""
 
@@ -120,7 +121,7 @@ _ROUNDING = 1e-9
 @cache
 def _log_rates(channel_bitrate_mbps: float) -> Float64:
     """Logarithms of the rate of one bit, ascending; the outer intervals reach to infinity."""
-    ratios_db = np.arange(_TABLE_FROM_DB, _TABLE_TO_DB, _TABLE_STEP_DB)
+    ratios_db = np.arange(_TABLE_FROM_DB, error_free_snr_db(channel_bitrate_mbps), 1 / _PER_DB)
     inner = _log_rate_of_a_bit(ratios_db, channel_bitrate_mbps)
     return np.concatenate([[-np.inf], inner[1:-1], [0.0]])
 

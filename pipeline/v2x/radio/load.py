@@ -37,12 +37,12 @@ def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Floa
     if not frames:
         return np.zeros(stations)
     window_ns = end_ns - WINDOW_NS
-    spans_ns = np.array([(frame.start_ns, frame.end_ns) for frame in frames]) - window_ns
-    start_ns, stop_ns = np.clip(spans_ns, 0, WINDOW_NS).astype(np.int32).T
+    bounds_ns = [frame.start_ns for frame in frames], [frame.end_ns for frame in frames]
+    start_ns, stop_ns = np.clip(np.array(bounds_ns) - window_ns, 0, WINDOW_NS).astype(np.int32)
     hearing = np.array([frame.hearing for frame in frames])
     follows = np.append(start_ns[1:] >= np.maximum.accumulate(stop_ns)[:-1], True)
     is_alone = follows & np.append(True, follows[:-1])
-    alone_ns = (hearing[is_alone] * (stop_ns - start_ns)[is_alone, None]).sum(axis=0)
+    alone_ns = ((stop_ns - start_ns) * is_alone) @ hearing
     among = ~is_alone
     busy: Float64 = (alone_ns + _union_ns(start_ns[among], stop_ns[among], hearing[among])) / WINDOW_NS
     return busy
