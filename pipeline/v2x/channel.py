@@ -133,6 +133,7 @@ class Channel:
         for station_id, name in listeners.items():
             self.listen(station_id, name)
         self._on_air: dict[int, Sent] = {}
+        self._others: set[int] = set()  # of those on the air, the numbers of those that are no CAMs
         self._in_transit: list[Reception] = []
         self._in_verification: list[Reception] = []
         self._tally = Tally()
@@ -152,8 +153,11 @@ class Channel:
 
         Messages still in transit to a listener that has left are lost.
         """
-        self._on_air.update((message.number, message) for message in sent)
-        self._tally.count(message_type_of(message.payload).name for message in sent)
+        for message in sent:
+            self._on_air[message.number] = message
+        others = [message for message in sent if not is_cam(message.payload)]
+        self._others.update(message.number for message in others)
+        self._tally.count(message_type_of(message.payload).name for message in others)
         step = self._medium.advance(until_ns, stations, _transmissions(sent, self._v2x.radio.overhead_bytes))
         self._tally.add(step, self._are_cams(step.outcomes))
         received, rejected = self._receive(step.outcomes, until_ns, stations)
@@ -188,7 +192,9 @@ class Channel:
         self._tally = Tally()
 
     def _are_cams(self, outcomes: ReceptionOutcomes) -> Bool:
-        return np.array([is_cam(self._on_air[one].payload) for one in outcomes.messages.tolist()], bool)
+        if not self._others:
+            return np.ones(len(outcomes.messages), bool)
+        return np.array([one not in self._others for one in outcomes.messages.tolist()], bool)
 
     def _receive(
         self, outcomes: ReceptionOutcomes, until_ns: int, stations: Stations
@@ -207,6 +213,7 @@ class Channel:
         completed = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
         for number in completed.union(before) - waiting:
             del self._on_air[number]
+        self._others -= completed
         self._tally.reject(one.rejection.value for one in rejected)
         return received, tuple(rejected)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
@@ -216,6 +215,7 @@ class Tally:
     def _add_senders(self, outcomes: ReceptionOutcomes, is_cam: Bool) -> None:
         order = np.argsort(outcomes.request_ns, kind="stable")
         order = order[is_cam[order]]
+        intervals_ns = []
         for station, time_ns in zip(
             outcomes.senders[order].tolist(), outcomes.request_ns[order].tolist(), strict=True
         ):
@@ -223,9 +223,13 @@ class Tally:
             if sender is None:
                 self._senders[station] = _Sender(time_ns, time_ns)
                 continue
-            bin_of = math.floor((time_ns - sender.last_ns) / 1e9 / INTERVAL_BIN_S + 1e-6)
-            self._intervals[min(max(bin_of, 0), INTERVAL_BINS - 1)] += 1
-            sender.last_ns, sender.cams = max(time_ns, sender.last_ns), sender.cams + 1
+            intervals_ns.append(time_ns - sender.last_ns)
+            sender.cams += 1
+            if time_ns > sender.last_ns:
+                sender.last_ns = time_ns
+        bins = np.floor(np.array(intervals_ns) / 1e9 / INTERVAL_BIN_S + 1e-6)
+        bins = np.clip(bins, 0, INTERVAL_BINS - 1).astype(np.int64)
+        self._intervals += np.bincount(bins, minlength=INTERVAL_BINS)
 
     def _add_load(self, load: ChannelLoad) -> None:
         if len(load.busy_ratio):

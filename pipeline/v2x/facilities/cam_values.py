@@ -97,7 +97,7 @@ def values_of_payload(payload: bytes) -> Values | None:
 
 def changed_fields(before: Values, after: Values) -> str:
     """Names of the `FIELDS` that differ, in order, joined by `SEPARATOR`; `OTHER` where none differs."""
-    return SEPARATOR.join(name for name in FIELDS if before[name] != after[name]) or OTHER
+    return SEPARATOR.join([name for name in FIELDS if before[name] != after[name]]) or OTHER
 
 
 def places_m(geodesy: Geodesy, messages: Sequence[Values | None]) -> Float64:

@@ -38,6 +38,7 @@ MOST_HELD_BACK = 10_000
 """Messages that a running graph's attacks may hold back and still send."""
 
 _BLOCK = 1000
+_NOTHING: Values = dict.fromkeys(FIELDS)
 _SHOWN_HEIGHT_M = 1.0
 
 
@@ -312,10 +313,8 @@ class Labels:
         for state, points_m in (("true", true_m), ("false", false_m)):
             for axis, values_m in zip(AXES, points_m, strict=True):
                 columns[f"{state}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
-            for field in FIELDS:
-                columns[f"{state}_{field}"] = [
-                    None if (stated := getattr(row, state)) is None else stated[field] for row in rows
-                ]
+            stated = [getattr(row, state) or _NOTHING for row in rows]
+            columns |= {f"{state}_{field}": [one[field] for one in stated] for field in FIELDS}
         table = pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS))
         if self._grown is not None:
             self._grown.add_table(table)
