@@ -234,20 +234,19 @@ class Channel:
                 rejected.append(Rejected(listener, sent, reception.arrival_ns, rejection))
 
     def _read(self, receptions: Sequence[Reception]) -> Iterator[Received]:
-        opened = self._open({r.message: r.arrival_ns for r in reversed(receptions)})
-        for reception in receptions:
-            listener, (tree, report) = self._listeners[reception.receiver], opened[reception.message]
-            known, arrival_ns = self._maps[listener], reception.arrival_ns
-            sent = self._on_air[reception.message]
+        trees, reports = self._open({r.message: r.arrival_ns for r in reversed(receptions)})
+        for number, receiver, arrival_ns, power_dbm, sinr_db in receptions:
+            listener, sent, tree = self._listeners[receiver], self._on_air[number], trees[number]
+            known = self._maps[listener]
             if tree is None:
                 verdict = known.receive_corrupt()
-            elif is_cam(sent.payload):
-                verdict = known.receive(report, arrival_ns)
+            elif number in reports:
+                verdict = known.receive(reports[number], arrival_ns)
             elif message_type_of(sent.payload) is CPM:
                 verdict = known.hear(self._objects(tree), arrival_ns)
             else:  # the map holds stations and objects
                 verdict = Verdict.ACCEPTED
-            yield Received(listener, sent, tree, arrival_ns, reception.power_dbm, reception.sinr_db, verdict)
+            yield Received(listener, sent, tree, arrival_ns, power_dbm, sinr_db, verdict)
 
     def _objects(self, tree: MessageTree) -> list[HeardObject] | None:
         try:
@@ -257,25 +256,26 @@ class Channel:
 
     def _open(
         self, first_arrivals_ns: Mapping[int, int]
-    ) -> dict[int, tuple[MessageTree | None, LdmReport | None]]:
-        """The decoded messages by number: each is decoded once, however many stations receive it."""
-        opened: dict[int, tuple[MessageTree | None, LdmReport | None]] = {}
+    ) -> tuple[dict[int, MessageTree | None], dict[int, LdmReport | None]]:
+        """The decoded messages, and the reports of the CAMs among them, by number.
+
+        Each is decoded once, however many stations receive it.
+        """
+        trees: dict[int, MessageTree | None] = {}
         cams: dict[int, CamCore] = {}
         decode = self._decoder or decode_cam_tree
         for number in first_arrivals_ns:
             payload = self._on_air[number].payload
             kind = message_type_of(payload)
             try:
-                opened[number] = (decode if kind is CAM else kind.codec.decode)(payload), None
+                trees[number] = tree = decode(payload) if kind is CAM else kind.codec.decode(payload)
                 if kind is CAM:
-                    cams[number] = core_of_tree(opened[number][0] or {})
+                    cams[number] = core_of_tree(tree)
             except MessageError:
-                opened[number] = None, None
+                trees[number] = None
         arrivals_ns = [first_arrivals_ns[number] for number in cams]
         reports = reports_of_cams(list(cams.values()), arrivals_ns, self._geodesy)
-        for number, report in zip(cams, reports, strict=True):
-            opened[number] = opened[number][0], report
-        return opened
+        return trees, dict(zip(cams, reports, strict=True))
 
 
 _IN_ORDER = attrgetter("arrival_ns", "receiver", "message")

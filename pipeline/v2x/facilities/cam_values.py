@@ -102,17 +102,13 @@ def changed_fields(before: Values, after: Values) -> str:
 
 def places_m(geodesy: Geodesy, messages: Sequence[Values | None]) -> Float64:
     """Claimed x and y (2, N) of messages in the map's frame, NaN where they claim no position."""
-    names = ("latitude_deg", "longitude_deg")
-    degrees = np.array(
-        [[math.nan, math.nan] if one is None else [_number(one[name]) for name in names] for one in messages]
-    ).reshape(-1, 2)
+    stated = [
+        (None, None) if one is None else (one["latitude_deg"], one["longitude_deg"]) for one in messages
+    ]
+    degrees = np.array(stated, np.float64).reshape(-1, 2)  # None is NaN
     is_valid = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
     found_m = np.full((2, len(messages)), math.nan)
     valid_deg = degrees[is_valid].T
     found_m[:, is_valid] = geodesy.to_map([*valid_deg, np.zeros(valid_deg.shape[1])])[:2]
     found_m[~np.isfinite(found_m)] = math.nan
     return found_m
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value

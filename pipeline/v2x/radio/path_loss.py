@@ -25,7 +25,10 @@ def dual_slope_db(distance_m: Float64, radio: Radio) -> Float64:
 
     Cheng et al., IEEE JSAC 25(8), 2007, equation 3.
     """
-    critical_m, reference_db = np.array(radio.critical_distance_m), free_space_db(np.array(REFERENCE_M), radio)
+    critical_m, reference_db = (
+        np.array(radio.critical_distance_m),
+        free_space_db(np.array(REFERENCE_M), radio),
+    )
     is_far = distance_m > critical_m
     loss_db = np.where(is_far, distance_m / critical_m, np.maximum(distance_m, REFERENCE_M))
     np.log10(loss_db, out=loss_db)

@@ -103,7 +103,8 @@ class Labels:
 
     def begin(self, recorded: Sequence[Sent]) -> None:
         """Start a step with its recorded messages."""
-        self._newest.update((message.station_id, message.payload) for message in self._step_cams)
+        for message in self._step_cams:
+            self._newest[message.station_id] = message.payload
         self._step = {message.number: message for message in recorded}
         self._step_cams = [message for message in recorded if is_cam(message.payload)]
         self._by_station, self._step_rows, self._step_held_back = {}, [], []
