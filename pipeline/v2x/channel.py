@@ -59,6 +59,12 @@ class Sent:
     power_dbm: float
     packet: bytes = b""
 
+    def with_payload(self, payload: bytes) -> Sent:
+        """The same message with another content, as by `replace` in half the time."""
+        return Sent(
+            self.number, self.key, self.station_id, self.request_ns, payload, self.power_dbm, self.packet
+        )
+
 
 class Received(NamedTuple):
     """A message received by one listener; `verdict` is the result of its Local Dynamic Map.

@@ -23,6 +23,7 @@ BIN_M = 50.0
 BINS = 30
 INTERVAL_BIN_S = 0.05
 INTERVAL_BINS = 24
+_OUTCOMES = len(Outcome)
 
 
 _MOST_VALUES = 1_000_000
@@ -124,10 +125,10 @@ class Statistics:
 def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
     """Counts (BINS + 1, outcomes) of message-receiver pairs; the last row has those farther away."""
     nth = np.minimum(distance_m / BIN_M, BINS).astype(np.int64)
-    nth *= len(Outcome)
+    nth *= _OUTCOMES
     nth += outcome
-    counts = np.bincount(nth, minlength=(BINS + 1) * len(Outcome))
-    return counts.reshape(BINS + 1, len(Outcome))
+    counts = np.bincount(nth, minlength=(BINS + 1) * _OUTCOMES)
+    return counts.reshape(BINS + 1, _OUTCOMES)
 
 
 @dataclass

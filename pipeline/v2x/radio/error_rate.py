@@ -104,10 +104,11 @@ def is_lost(luck: Float64, snr_db: Float64, bits: Int64, channel_bitrate_mbps: f
     """
     table = _log_rates(channel_bitrate_mbps)
     places = (snr_db - _TABLE_FROM_DB) * _PER_DB
-    interval = np.clip(places, 0, len(table) - 2, out=places).astype(np.int64)
+    np.maximum(places, 0, out=places)
+    interval = np.minimum(places, len(table) - 2, out=places).astype(np.int64)
     log_luck = np.log(luck)
     lost: Bool = log_luck > bits * table[1:].take(interval) + _ROUNDING
-    unclear = np.flatnonzero(lost ^ (log_luck > bits * table.take(interval) - _ROUNDING))
+    (unclear,) = (lost ^ (log_luck > bits * table.take(interval) - _ROUNDING)).nonzero()
     if len(unclear):
         lost[unclear] = luck[unclear] > success_rate(snr_db[unclear], bits[unclear], channel_bitrate_mbps)
     return lost

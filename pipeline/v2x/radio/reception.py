@@ -150,7 +150,7 @@ def _overlaps(
 def _places(mask: Bool) -> tuple[Int64, Int64, Int64]:
     """Where a mask (M, S) is set: in its flat form, by row and by column; `np.nonzero` takes far longer."""
     stations = max(mask.shape[1], 1)
-    place = np.flatnonzero(mask)
+    (place,) = mask.ravel().nonzero()
     row = place // stations
     return place, row, place - row * stations
 

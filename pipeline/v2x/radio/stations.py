@@ -134,13 +134,14 @@ class ReceptionOutcomes:
         """The receptions by these stations, or by all, in order of arrival."""
         columns = np.arange(len(self.receivers))
         if receivers is not None:
-            columns = columns[np.isin(self.receivers, receivers)]
+            wanted = set(receivers.tolist())
+            columns = columns[[station in wanted for station in self.receivers.tolist()]]
         row, nth = np.nonzero(self.outcome[:, columns] == Outcome.RECEIVED)
         column = columns[nth]
         order = np.lexsort((self.receivers[column], self.messages[row], self.arrival_ns[row, column]))
         row, column = row[order], column[order]
         return [
-            Reception(*values)
+            Reception._make(values)
             for values in zip(
                 self.messages[row].tolist(),
                 self.receivers[column].tolist(),

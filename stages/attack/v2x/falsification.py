@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -82,7 +81,7 @@ class Falsification(V2xAttack):
             if self._path is not None:
                 falsified = self._path.follow(message, falsified, is_attacked and bool(fields))
             if falsified is not tree:
-                edited[index] = replace(message, payload=cams.close(falsified))
+                edited[index] = message.with_payload(cams.close(falsified))
         return edited
 
     def _reference_points_m(self, trees: Sequence[CamTree]) -> list[tuple[float, float]]:
