@@ -105,10 +105,9 @@ def places_m(geodesy: Geodesy, messages: Sequence[Values | None]) -> Float64:
     stated = [
         (None, None) if one is None else (one["latitude_deg"], one["longitude_deg"]) for one in messages
     ]
-    degrees = np.array(stated, np.float64).reshape(-1, 2)  # None is NaN
-    is_valid = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
-    found_m = np.full((2, len(messages)), math.nan)
-    valid_deg = degrees[is_valid].T
-    found_m[:, is_valid] = geodesy.to_map([*valid_deg, np.zeros(valid_deg.shape[1])])[:2]
+    degrees = np.zeros((3, len(messages)))
+    degrees[:2] = np.array(stated, np.float64).reshape(-1, 2).T  # None is NaN
+    degrees[:, ~((np.abs(degrees[0]) < 90) & (np.abs(degrees[1]) <= 180))] = math.nan
+    found_m = geodesy.to_map(degrees)[:2]
     found_m[~np.isfinite(found_m)] = math.nan
     return found_m

@@ -66,9 +66,7 @@ class Link:
 
 def _distances_m(places_m: Float64, rows: Int64) -> Float64:
     """Distances (M, S) of the places in these rows (M,) from all places (S, 3)."""
-    square_m2 = np.zeros((len(rows), len(places_m)))
-    for axis in places_m.T:
-        apart_m = axis[rows, None] - axis
-        apart_m *= apart_m
-        square_m2 += apart_m
+    square_m2, *others_m2 = ((axis[rows, None] - axis) ** 2 for axis in places_m.T)
+    for other_m2 in others_m2:
+        square_m2 += other_m2
     return np.sqrt(square_m2, out=square_m2)

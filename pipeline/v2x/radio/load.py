@@ -43,7 +43,7 @@ def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Floa
     follows = np.append(start_ns[1:] >= np.maximum.accumulate(stop_ns)[:-1], True)
     is_alone = follows & np.append(True, follows[:-1])
     alone_ns = ((stop_ns - start_ns) * is_alone) @ hearing
-    among = ~is_alone
+    (among,) = (~is_alone).nonzero()
     busy: Float64 = (alone_ns + _union_ns(start_ns[among], stop_ns[among], hearing[among])) / WINDOW_NS
     return busy
 
