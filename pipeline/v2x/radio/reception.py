@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +53,8 @@ class Receiver:
         sinr_db = power_dbm - radio.noise_dbm
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = ~is_audible * np.uint8(Outcome.WEAK)  # the others are RECEIVED, which is 0
-        overlaps = _overlaps(final, start_ns, end_ns, on_air)
-        disturbed = self._disturb(sinr_db, overlaps, final)
+        overlaps = _overlaps(final, start_ns, end_ns, on_air, count)
+        disturbed = self._disturb(sinr_db, overlaps)
         keys = key.view(np.uint64)
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
         luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.take(column).astype(np.uint64))
@@ -65,7 +66,7 @@ class Receiver:
         if len(place):
             fails = self._fails(luck, power_dbm.take(place) - radio.noise_dbm, bits.take(row))
             outcome.put(place[~fails], Outcome.INTERFERENCE)
-        self._block(outcome, overlaps, final)
+        self._block(outcome, power_dbm, overlaps)
         present = senders >= 0
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
         return ReceptionOutcomes(
@@ -83,31 +84,30 @@ class Receiver:
             dropped=dropped,
         )
 
-    def _disturb(
-        self, ratio_db: Float64, overlaps: Mapping[int, Sequence[RadioFrame]], final: Sequence[RadioFrame]
-    ) -> Bool:
+    def _disturb(self, ratio_db: Float64, overlaps: _Overlaps) -> Bool:
         """Lower the signal-to-noise ratios (M, S) by the interference; whether (M,) there is any."""
-        disturbed = np.zeros(len(final), np.bool_)
-        noise_mw = 10 ** (self._radio.noise_dbm / 10)
-        for one, others in overlaps.items() if self._radio.interference else ():
-            interference_mw = sum(10 ** (other.power_dbm / 10) for other in others)
-            ratio_db[one] -= 10 * np.log10(1 + interference_mw / noise_mw)
-            disturbed[one] = True
+        disturbed = np.zeros(len(ratio_db), np.bool_)
+        if self._radio.interference and len(overlaps.one):
+            disturbed[overlaps.one] = True
+            interference_mw = dict.fromkeys(overlaps.one.tolist(), 0.0)
+            for one, power_mw in zip(overlaps.one.tolist(), 10 ** (overlaps.other_dbm / 10), strict=True):
+                interference_mw[one] = interference_mw[one] + power_mw
+            noise_mw = 10 ** (self._radio.noise_dbm / 10)
+            ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
         return disturbed
 
-    def _block(
-        self, outcome: UInt8, overlaps: Mapping[int, Sequence[RadioFrame]], final: Sequence[RadioFrame]
-    ) -> None:
+    def _block(self, outcome: UInt8, power_dbm: Float64, overlaps: _Overlaps) -> None:
         """Note the stations that are locked on to an earlier message, or send."""
-        radio = self._radio
-        for one, others in overlaps.items():
-            frame, at_station = final[one], outcome[one]
-            for other in others:
-                if radio.interference and other.start_ns < frame.start_ns:
-                    is_locked = other.power_dbm >= radio.sensitivity_dbm
-                    is_weaker = frame.power_dbm < other.power_dbm + radio.capture_threshold_db
-                    at_station[is_locked & is_weaker & (at_station != Outcome.WEAK)] = Outcome.BUSY
-            at_station[[other.sender for other in others if other.sender >= 0]] = Outcome.SENDING
+        radio, one = self._radio, overlaps.one
+        if radio.interference and len(one):
+            is_weaker = power_dbm[one] < overlaps.other_dbm + radio.capture_threshold_db
+            is_locked = (
+                overlaps.is_earlier[:, None] & (overlaps.other_dbm >= radio.sensitivity_dbm) & is_weaker
+            )
+            pair, column = np.nonzero(is_locked & (outcome[one] != Outcome.WEAK))
+            outcome[one[pair], column] = Outcome.BUSY
+        sends = overlaps.other_sender >= 0
+        outcome[one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
 
     def _fails(self, luck: Float64, ratio_db: Float64, bits: Int64) -> Bool:
         """Whether messages have bit errors; all do below the configured threshold."""
@@ -134,17 +134,38 @@ class Receiver:
         return arrival_ns
 
 
+class _Overlaps(NamedTuple):
+    """The P pairs of messages on the air at the same time, by the first.
+
+    one: (P,), indices of the messages whose outcomes are decided. other_dbm: (P, S), powers of the other
+    ones; other_sender: (P,), columns of their senders; is_earlier: (P,), whether they started first.
+    """
+
+    one: Int64
+    other_dbm: Float64
+    other_sender: Int64
+    is_earlier: Bool
+
+
 def _overlaps(
-    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame]
-) -> dict[int, list[RadioFrame]]:
-    """The messages that overlap with each one of `final` that any overlaps with, by its index."""
-    other_start_ns, other_end_ns = _columns(on_air, "start_ns", "end_ns")
+    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame], stations: int
+) -> _Overlaps:
+    other_start_ns = np.array([frame.start_ns for frame in on_air], np.int64)
+    other_end_ns = np.array([frame.end_ns for frame in on_air], np.int64)
     _, row, column = _places((start_ns[:, None] < other_end_ns) & (other_start_ns < end_ns[:, None]))
-    overlaps: dict[int, list[RadioFrame]] = {}
-    for one, other in zip(row.tolist(), column.tolist(), strict=True):
-        if on_air[other] is not final[one]:
-            overlaps.setdefault(one, []).append(on_air[other])
-    return overlaps
+    pairs = [
+        (one, other)
+        for one, other in zip(row.tolist(), column.tolist(), strict=True)
+        if on_air[other] is not final[one]
+    ]
+    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
+    frames = [on_air[index] for index in other.tolist()]
+    return _Overlaps(
+        one,
+        _rows([frame.power_dbm for frame in frames], stations),
+        np.array([frame.sender for frame in frames], np.int64),
+        other_start_ns[other] < start_ns[one],
+    )
 
 
 def _places(mask: Bool) -> tuple[Int64, Int64, Int64]:
@@ -160,5 +181,5 @@ def _rows(rows: Sequence[Float64], count: int) -> Float64:
 
 
 def _columns(frames: Sequence[RadioFrame], *names: str) -> list[Int64]:
-    rows = np.array([*map(attrgetter(*names), frames)], np.int64).reshape(len(frames), len(names))
-    return list(np.ascontiguousarray(rows.T))
+    columns = [[*map(attrgetter(name), frames)] for name in names]
+    return list(np.array(columns, np.int64).reshape(len(names), len(frames)))
