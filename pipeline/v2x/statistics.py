@@ -131,19 +131,6 @@ def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -
     return counts.reshape(BINS + 1, _OUTCOMES)
 
 
-@dataclass
-class _Sender:
-    """The memory of a sending station."""
-
-    first_ns: int
-    last_ns: int
-    cams: int = 1
-
-    @property
-    def rate_hz(self) -> float:
-        return (self.cams - 1) * 1e9 / (self.last_ns - self.first_ns)
-
-
 def _counts(bins: int) -> Int64:
     return np.zeros(bins, np.int64)
 
@@ -159,7 +146,9 @@ class Tally:
     _delay_sum_ns: int = 0
     _delay_max_ns: int = 0
     _dropped: int = 0
-    _senders: dict[int, _Sender] = field(default_factory=dict)
+    _first_ns: dict[int, int] = field(default_factory=dict)
+    _latest_ns: dict[int, int] = field(default_factory=dict)
+    _cams: Counter[int] = field(default_factory=Counter)
     _loads: list[tuple[int, float, float]] = field(default_factory=list)
     _others: Counter[str] = field(default_factory=Counter)
     _rejected: Counter[str] = field(default_factory=Counter)
@@ -194,17 +183,20 @@ class Tally:
     def statistics(self) -> Statistics:
         """The statistics of everything counted so far."""
         received = int(self._outcomes[Outcome.RECEIVED])
-        senders = self._senders.values()
+        lasted_ns = {
+            station: last_ns - self._first_ns[station] for station, last_ns in self._latest_ns.items()
+        }
+        rates_hz = [(self._cams[station] - 1) * 1e9 / ns for station, ns in lasted_ns.items() if ns > 0]
         return Statistics(
             pairs=tuple(self._pairs.tolist()),
             received=tuple(self._received.tolist()),
             outcomes={outcome.name.lower(): int(self._outcomes[outcome]) for outcome in Outcome},
             delay_mean_s=self._delay_sum_ns / received / 1e9 if received else 0.0,
             delay_max_s=self._delay_max_ns / 1e9,
-            stations=len(senders),
-            cams=sum(sender.cams for sender in senders),
+            stations=len(self._cams),
+            cams=self._cams.total(),
             dropped=self._dropped,
-            rates_hz=tuple(sorted(sender.rate_hz for sender in senders if sender.last_ns > sender.first_ns)),
+            rates_hz=tuple(sorted(rates_hz)),
             intervals=tuple(self._intervals.tolist()),
             busy_ns=tuple(load[0] for load in self._loads),
             busy_mean=tuple(load[1] for load in self._loads),
@@ -217,17 +209,16 @@ class Tally:
         order = np.argsort(outcomes.request_ns, kind="stable")
         order = order[is_cam[order]]
         intervals_ns = []
-        for station, time_ns in zip(
-            outcomes.senders[order].tolist(), outcomes.request_ns[order].tolist(), strict=True
-        ):
-            sender = self._senders.get(station)
-            if sender is None:
-                self._senders[station] = _Sender(time_ns, time_ns)
+        stations, latest_ns = outcomes.senders[order].tolist(), self._latest_ns
+        self._cams.update(stations)
+        for station, time_ns in zip(stations, outcomes.request_ns[order].tolist(), strict=True):
+            last_ns = latest_ns.get(station)
+            if last_ns is None:
+                self._first_ns[station] = latest_ns[station] = time_ns
                 continue
-            intervals_ns.append(time_ns - sender.last_ns)
-            sender.cams += 1
-            if time_ns > sender.last_ns:
-                sender.last_ns = time_ns
+            intervals_ns.append(time_ns - last_ns)
+            if time_ns > last_ns:
+                latest_ns[station] = time_ns
         bins = np.floor(np.array(intervals_ns) / 1e9 / INTERVAL_BIN_S + 1e-6)
         bins = np.clip(bins, 0, INTERVAL_BINS - 1).astype(np.int64)
         self._intervals += np.bincount(bins, minlength=INTERVAL_BINS)

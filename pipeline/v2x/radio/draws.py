@@ -71,7 +71,7 @@ class Draws:
 def _uniform(bits: UInt64) -> Float64:
     """The middles of 2^53 equal parts of the unit interval, so never 0 or 1; overwrites the bits."""
     bits >>= np.uint64(11)
-    uniform = bits.astype(np.float64)
+    uniform = bits.view(np.int64).astype(np.float64)
     uniform += 0.5
     uniform *= 2.0**-53
     return uniform
