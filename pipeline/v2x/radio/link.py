@@ -66,7 +66,8 @@ class Link:
 
 def _distances_m(places_m: Float64, rows: Int64) -> Float64:
     """Distances (M, S) of the places in these rows (M,) from all places (S, 3)."""
-    square_m2, *others_m2 = ((axis[rows, None] - axis) ** 2 for axis in places_m.T)
-    for other_m2 in others_m2:
-        square_m2 += other_m2
-    return np.sqrt(square_m2, out=square_m2)
+    squares_m2 = [np.square(axis[rows, None] - axis) for axis in places_m.T]
+    distance_m: Float64 = squares_m2[0]
+    for square_m2 in squares_m2[1:]:
+        distance_m += square_m2
+    return np.sqrt(distance_m, out=distance_m)

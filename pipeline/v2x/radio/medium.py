@@ -115,10 +115,8 @@ class Medium:
         )
         scalars = zip(*(column.tolist() for column in columns), strict=True)
         frames = [
-            RadioFrame(*values, powers_dbm, distances_m, hears)
-            for values, powers_dbm, distances_m, hears in zip(
-                scalars, received_dbm, distance_m, hearing, strict=True
-            )
+            RadioFrame(*values, *rows)
+            for values, *rows in zip(scalars, received_dbm, distance_m, hearing, strict=True)
         ]
         return sorted(frames, key=_BY_REQUEST)
 

@@ -117,13 +117,18 @@ class Labels:
         while len(self._editors) <= editor_index:
             self._editors.append(editor)
         olds = {message.number: message for message in before}
-        attacking = editor.context.attacking if isinstance(editor, V2xAttack) else ()
+        attack = editor if isinstance(editor, V2xAttack) else None
+        attacking = frozenset() if attack is None else attack.context.attacking
         for message in after:
             old = olds.pop(message.number, None)
             if old is None:
                 self._add_new(editor_index, message)
             elif message is old or message == old:
-                if message.station_id in attacking and self._is_corrupt(editor, message):
+                if (
+                    attack is not None
+                    and message.station_id in attacking
+                    and self._is_corrupt(attack, message)
+                ):
                     self._add(editor_index, CORRUPT, message, message, message.request_ns, message.payload)
             elif message.payload == old.payload and message.request_ns != old.request_ns:
                 self._add(editor_index, DELAYED, message, old, old.request_ns, self._genuine(message))
