@@ -35,7 +35,9 @@ class Quantity(Generic[C]):
     def excess(self, change: C, least: float, most: float) -> str:
         """A sentence on how a change exceeds these bounds; "" if it keeps them."""
         value = self.measure(change)
-        if value is None or least - self._slack(least) <= value <= most + self._slack(most):
+        if value is None or least <= value <= most:
+            return ""
+        if least - self._slack(least) <= value <= most + self._slack(most):
             return ""
         unit = "" if self.unit == "1" else f" {self.unit}"
         bounds = f"{least:g} to {most:g}" if least < most else f"{most:g}"

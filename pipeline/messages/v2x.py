@@ -57,7 +57,7 @@ def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
     The vehicles have bodies where `v2x.radio.vehicle_loss` makes them obstacles.
     """
     ids = np.array([place.station_id for place in places], np.int64)
-    poses = np.concatenate([np.empty((0, 4)), *(place.map_SE3_base for place in places)]).reshape(-1, 4, 4)
+    poses = np.frombuffer(b"".join([place.map_SE3_base.tobytes() for place in places])).reshape(-1, 4, 4)
     bodies = None if v2x.radio.vehicle_loss == "none" else _bodies(places, poses)
     return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m), bodies)
 

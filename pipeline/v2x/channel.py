@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -57,6 +58,12 @@ class Sent:
     payload: bytes
     power_dbm: float
     packet: bytes = b""
+
+    def with_payload(self, payload: bytes) -> Sent:
+        """The same message with another content, as by `replace` in half the time."""
+        return Sent(
+            self.number, self.key, self.station_id, self.request_ns, payload, self.power_dbm, self.packet
+        )
 
 
 class Received(NamedTuple):
@@ -132,6 +139,7 @@ class Channel:
         for station_id, name in listeners.items():
             self.listen(station_id, name)
         self._on_air: dict[int, Sent] = {}
+        self._others: set[int] = set()  # of those on the air, the numbers of those that are no CAMs
         self._in_transit: list[Reception] = []
         self._in_verification: list[Reception] = []
         self._tally = Tally()
@@ -151,8 +159,11 @@ class Channel:
 
         Messages still in transit to a listener that has left are lost.
         """
-        self._on_air.update((message.number, message) for message in sent)
-        self._tally.count(message_type_of(message.payload).name for message in sent)
+        for message in sent:
+            self._on_air[message.number] = message
+        others = [message for message in sent if not is_cam(message.payload)]
+        self._others.update(message.number for message in others)
+        self._tally.count(message_type_of(message.payload).name for message in others)
         step = self._medium.advance(until_ns, stations, _transmissions(sent, self._v2x.radio.overhead_bytes))
         self._tally.add(step, self._are_cams(step.outcomes))
         received, rejected = self._receive(step.outcomes, until_ns, stations)
@@ -187,7 +198,9 @@ class Channel:
         self._tally = Tally()
 
     def _are_cams(self, outcomes: ReceptionOutcomes) -> Bool:
-        return np.array([is_cam(self._on_air[one].payload) for one in outcomes.messages.tolist()], bool)
+        if not self._others:
+            return np.ones(len(outcomes.messages), bool)
+        return np.array([one not in self._others for one in outcomes.messages.tolist()], bool)
 
     def _receive(
         self, outcomes: ReceptionOutcomes, until_ns: int, stations: Stations
@@ -206,6 +219,7 @@ class Channel:
         completed = {*outcomes.messages.tolist(), *outcomes.dropped.tolist()}
         for number in completed.union(before) - waiting:
             del self._on_air[number]
+        self._others -= completed
         self._tally.reject(one.rejection.value for one in rejected)
         return received, tuple(rejected)
 
@@ -226,20 +240,19 @@ class Channel:
                 rejected.append(Rejected(listener, sent, reception.arrival_ns, rejection))
 
     def _read(self, receptions: Sequence[Reception]) -> Iterator[Received]:
-        opened = self._open({r.message: r.arrival_ns for r in reversed(receptions)})
-        for reception in receptions:
-            listener, (tree, report) = self._listeners[reception.receiver], opened[reception.message]
-            known, arrival_ns = self._maps[listener], reception.arrival_ns
-            sent = self._on_air[reception.message]
+        trees, reports = self._open({r.message: r.arrival_ns for r in reversed(receptions)})
+        for number, receiver, arrival_ns, power_dbm, sinr_db in receptions:
+            listener, sent, tree = self._listeners[receiver], self._on_air[number], trees[number]
+            known = self._maps[listener]
             if tree is None:
                 verdict = known.receive_corrupt()
-            elif is_cam(sent.payload):
-                verdict = known.receive(report, arrival_ns)
+            elif number in reports:
+                verdict = known.receive(reports[number], arrival_ns)
             elif message_type_of(sent.payload) is CPM:
                 verdict = known.hear(self._objects(tree), arrival_ns)
             else:  # the map holds stations and objects
                 verdict = Verdict.ACCEPTED
-            yield Received(listener, sent, tree, arrival_ns, reception.power_dbm, reception.sinr_db, verdict)
+            yield Received(listener, sent, tree, arrival_ns, power_dbm, sinr_db, verdict)
 
     def _objects(self, tree: MessageTree) -> list[HeardObject] | None:
         try:
@@ -249,30 +262,34 @@ class Channel:
 
     def _open(
         self, first_arrivals_ns: Mapping[int, int]
-    ) -> dict[int, tuple[MessageTree | None, LdmReport | None]]:
-        """The decoded messages by number: each is decoded once, however many stations receive it."""
-        opened: dict[int, tuple[MessageTree | None, LdmReport | None]] = {}
+    ) -> tuple[dict[int, MessageTree | None], dict[int, LdmReport | None]]:
+        """The decoded messages, and the reports of the CAMs among them, by number.
+
+        Each is decoded once, however many stations receive it.
+        """
+        trees: dict[int, MessageTree | None] = {}
         cams: dict[int, CamCore] = {}
         decode = self._decoder or decode_cam_tree
         for number in first_arrivals_ns:
             payload = self._on_air[number].payload
             kind = message_type_of(payload)
             try:
-                opened[number] = (decode if kind is CAM else kind.codec.decode)(payload), None
+                trees[number] = tree = decode(payload) if kind is CAM else kind.codec.decode(payload)
                 if kind is CAM:
-                    cams[number] = core_of_tree(opened[number][0] or {})
+                    cams[number] = core_of_tree(tree)
             except MessageError:
-                opened[number] = None, None
+                trees[number] = None
         arrivals_ns = [first_arrivals_ns[number] for number in cams]
         reports = reports_of_cams(list(cams.values()), arrivals_ns, self._geodesy)
-        for number, report in zip(cams, reports, strict=True):
-            opened[number] = opened[number][0], report
-        return opened
+        return trees, dict(zip(cams, reports, strict=True))
+
+
+_IN_ORDER = attrgetter("arrival_ns", "receiver", "message")
 
 
 def _due(receptions: Iterable[Reception], until_ns: int) -> tuple[list[Reception], list[Reception]]:
     """Those that arrived by then, and the later ones, both in the order of arrival."""
-    in_order = sorted(receptions, key=lambda one: (one.arrival_ns, one.receiver, one.message))
+    in_order = sorted(receptions, key=_IN_ORDER)
     due = [reception for reception in in_order if reception.arrival_ns <= until_ns]
     return due, in_order[len(due) :]
 

@@ -99,7 +99,7 @@ def message_type_at(port: int) -> MessageType | None:
 
 def is_cam(payload: bytes) -> bool:
     """Whether a message is a CAM, or bytes that pose as one."""
-    return message_type_of(payload) is CAM
+    return _BY_HEADER.get(payload[:2], CAM) is CAM
 
 
 def claimed_station_id(payload: bytes) -> int | None:

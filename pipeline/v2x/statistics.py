@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
@@ -24,6 +23,7 @@ BIN_M = 50.0
 BINS = 30
 INTERVAL_BIN_S = 0.05
 INTERVAL_BINS = 24
+_OUTCOMES = len(Outcome)
 
 
 _MOST_VALUES = 1_000_000
@@ -125,21 +125,10 @@ class Statistics:
 def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
     """Counts (BINS + 1, outcomes) of message-receiver pairs; the last row has those farther away."""
     nth = np.minimum(distance_m / BIN_M, BINS).astype(np.int64)
-    counts = np.bincount(nth * len(Outcome) + outcome, minlength=(BINS + 1) * len(Outcome))
-    return counts.reshape(BINS + 1, len(Outcome))
-
-
-@dataclass
-class _Sender:
-    """The memory of a sending station."""
-
-    first_ns: int
-    last_ns: int
-    cams: int = 1
-
-    @property
-    def rate_hz(self) -> float:
-        return (self.cams - 1) * 1e9 / (self.last_ns - self.first_ns)
+    nth *= _OUTCOMES
+    nth += outcome
+    counts = np.bincount(nth, minlength=(BINS + 1) * _OUTCOMES)
+    return counts.reshape(BINS + 1, _OUTCOMES)
 
 
 def _counts(bins: int) -> Int64:
@@ -157,7 +146,9 @@ class Tally:
     _delay_sum_ns: int = 0
     _delay_max_ns: int = 0
     _dropped: int = 0
-    _senders: dict[int, _Sender] = field(default_factory=dict)
+    _first_ns: dict[int, int] = field(default_factory=dict)
+    _latest_ns: dict[int, int] = field(default_factory=dict)
+    _cams: Counter[int] = field(default_factory=Counter)
     _loads: list[tuple[int, float, float]] = field(default_factory=list)
     _others: Counter[str] = field(default_factory=Counter)
     _rejected: Counter[str] = field(default_factory=Counter)
@@ -180,9 +171,8 @@ class Tally:
         self._pairs[0] -= by_outcome[Outcome.OWN]  # the sender itself is not a pair
         self._received += counts[:BINS, Outcome.RECEIVED]
         self._outcomes += by_outcome
-        received = np.flatnonzero(outcome == Outcome.RECEIVED)
-        row = received // max(len(outcomes.receivers), 1)
-        delays_ns = outcomes.arrival_ns.ravel()[received] - outcomes.request_ns[row]
+        delays_ns = outcomes.arrival_ns - outcomes.request_ns[:, None]
+        delays_ns *= outcomes.outcome == Outcome.RECEIVED
         self._delay_sum_ns += int(delays_ns.sum())
         self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
         self._dropped += len(outcomes.dropped)
@@ -193,17 +183,20 @@ class Tally:
     def statistics(self) -> Statistics:
         """The statistics of everything counted so far."""
         received = int(self._outcomes[Outcome.RECEIVED])
-        senders = self._senders.values()
+        lasted_ns = {
+            station: last_ns - self._first_ns[station] for station, last_ns in self._latest_ns.items()
+        }
+        rates_hz = [(self._cams[station] - 1) * 1e9 / ns for station, ns in lasted_ns.items() if ns > 0]
         return Statistics(
             pairs=tuple(self._pairs.tolist()),
             received=tuple(self._received.tolist()),
             outcomes={outcome.name.lower(): int(self._outcomes[outcome]) for outcome in Outcome},
             delay_mean_s=self._delay_sum_ns / received / 1e9 if received else 0.0,
             delay_max_s=self._delay_max_ns / 1e9,
-            stations=len(senders),
-            cams=sum(sender.cams for sender in senders),
+            stations=len(self._cams),
+            cams=self._cams.total(),
             dropped=self._dropped,
-            rates_hz=tuple(sorted(sender.rate_hz for sender in senders if sender.last_ns > sender.first_ns)),
+            rates_hz=tuple(sorted(rates_hz)),
             intervals=tuple(self._intervals.tolist()),
             busy_ns=tuple(load[0] for load in self._loads),
             busy_mean=tuple(load[1] for load in self._loads),
@@ -215,16 +208,20 @@ class Tally:
     def _add_senders(self, outcomes: ReceptionOutcomes, is_cam: Bool) -> None:
         order = np.argsort(outcomes.request_ns, kind="stable")
         order = order[is_cam[order]]
-        for station, time_ns in zip(
-            outcomes.senders[order].tolist(), outcomes.request_ns[order].tolist(), strict=True
-        ):
-            sender = self._senders.get(station)
-            if sender is None:
-                self._senders[station] = _Sender(time_ns, time_ns)
+        intervals_ns = []
+        stations, latest_ns = outcomes.senders[order].tolist(), self._latest_ns
+        self._cams.update(stations)
+        for station, time_ns in zip(stations, outcomes.request_ns[order].tolist(), strict=True):
+            last_ns = latest_ns.get(station)
+            if last_ns is None:
+                self._first_ns[station] = latest_ns[station] = time_ns
                 continue
-            bin_of = math.floor((time_ns - sender.last_ns) / 1e9 / INTERVAL_BIN_S + 1e-6)
-            self._intervals[min(max(bin_of, 0), INTERVAL_BINS - 1)] += 1
-            sender.last_ns, sender.cams = max(time_ns, sender.last_ns), sender.cams + 1
+            intervals_ns.append(time_ns - last_ns)
+            if time_ns > last_ns:
+                latest_ns[station] = time_ns
+        bins = np.floor(np.array(intervals_ns) / 1e9 / INTERVAL_BIN_S + 1e-6)
+        bins = np.clip(bins, 0, INTERVAL_BINS - 1).astype(np.int64)
+        self._intervals += np.bincount(bins, minlength=INTERVAL_BINS)
 
     def _add_load(self, load: ChannelLoad) -> None:
         if len(load.busy_ratio):

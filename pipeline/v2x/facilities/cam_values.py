@@ -34,6 +34,10 @@ QUANTITIES: dict[str, tuple[tuple[str, ...], q.CamQuantity]] = {
     "yaw_rate_radps": ((*_FAST, "yawRate", "yawRateValue"), q.YAW_RATE),
 }
 """The path of each quantity in a CAM, and its coding."""
+_CODINGS = tuple(
+    (field, quantity.unavailable, quantity.beyond, quantity.per_unit)
+    for field, (_, quantity) in QUANTITIES.items()
+)
 PLAIN: dict[str, tuple[str, ...]] = {
     "station_id": ("header", "stationID"),
     "generation_delta_time_ms": ("cam", "generationDeltaTime"),
@@ -60,7 +64,7 @@ def values(tree: CamTree) -> dict[str, Any]:
     header, cam = tree["header"], tree["cam"]
     basic, fast = cam["camParameters"]["basicContainer"], cam["camParameters"][HIGH][1]
     place, pedals = basic["referencePosition"], fast.get("accelerationControl")
-    found = {
+    found: dict[str, Any] = {
         "station_id": header["stationID"],
         "generation_delta_time_ms": cam["generationDeltaTime"],
         "station_type": basic["stationType"],
@@ -75,8 +79,9 @@ def values(tree: CamTree) -> dict[str, Any]:
         "curvature_per_m": fast["curvature"]["curvatureValue"],
         "yaw_rate_radps": fast["yawRate"]["yawRateValue"],
     }
-    for field, (_, quantity) in QUANTITIES.items():
-        found[field] = quantity.value(found[field])
+    for field, unavailable, beyond, per_unit in _CODINGS:  # `CamQuantity.value` of each
+        code = found[field]
+        found[field] = None if code == unavailable else math.inf if code == beyond else code / per_unit
     found["acceleration_control"] = None if pedals is None else pedals[0]
     return found
 
@@ -92,22 +97,17 @@ def values_of_payload(payload: bytes) -> Values | None:
 
 def changed_fields(before: Values, after: Values) -> str:
     """Names of the `FIELDS` that differ, in order, joined by `SEPARATOR`; `OTHER` where none differs."""
-    return SEPARATOR.join(name for name in FIELDS if before[name] != after[name]) or OTHER
+    return SEPARATOR.join([name for name in FIELDS if before[name] != after[name]]) or OTHER
 
 
 def places_m(geodesy: Geodesy, messages: Sequence[Values | None]) -> Float64:
     """Claimed x and y (2, N) of messages in the map's frame, NaN where they claim no position."""
-    names = ("latitude_deg", "longitude_deg")
-    degrees = np.array(
-        [[math.nan, math.nan] if one is None else [_number(one[name]) for name in names] for one in messages]
-    ).reshape(-1, 2)
-    is_valid = (np.abs(degrees[:, 0]) < 90) & (np.abs(degrees[:, 1]) <= 180)
-    found_m = np.full((2, len(messages)), math.nan)
-    valid_deg = degrees[is_valid].T
-    found_m[:, is_valid] = geodesy.to_map([*valid_deg, np.zeros(valid_deg.shape[1])])[:2]
+    stated = [
+        (None, None) if one is None else (one["latitude_deg"], one["longitude_deg"]) for one in messages
+    ]
+    degrees = np.zeros((3, len(messages)))
+    degrees[:2] = np.array(stated, np.float64).reshape(-1, 2).T  # None is NaN
+    degrees[:, ~((np.abs(degrees[0]) < 90) & (np.abs(degrees[1]) <= 180))] = math.nan
+    found_m = geodesy.to_map(degrees)[:2]
     found_m[~np.isfinite(found_m)] = math.nan
     return found_m
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value

@@ -61,19 +61,19 @@ def reports_of_cams(
     cams: Sequence[Cam | CamCore], received_ns: Sequence[int], geodesy: Geodesy
 ) -> list[LdmReport | None]:
     """`report_of_cam` of each CAM; projecting many positions costs little more time than one."""
-    places = np.array(
-        [(_number(cam.latitude_deg), _number(cam.longitude_deg), _number(cam.altitude_m)) for cam in cams]
-    ).reshape(-1, 3)
+    stated = [(cam.latitude_deg, cam.longitude_deg, cam.altitude_m) for cam in cams]
+    places = np.array(stated, np.float64).reshape(-1, 3)  # None is NaN
     with np.errstate(invalid="ignore"):
         (valid,) = np.nonzero((np.abs(places[:, 0]) < 90) & (np.abs(places[:, 1]) <= 180))
     places = places[valid].T
     is_flat = ~np.isfinite(places[2])
     if is_flat.any():
         places[2, is_flat] = geodesy.to_geographic([0.0, 0.0, 0.0])[2]
-    northward = places + np.array([[_NORTHWARD_DEG], [0.0], [0.0]])
-    fronts_m, norths_m = np.split(geodesy.to_map(np.hstack([places, northward])), 2, axis=1)
+    both = np.concatenate([places, places], axis=1)
+    both[0, len(valid) :] += _NORTHWARD_DEG
+    both_m = geodesy.to_map(both).T.tolist()
     reports: list[LdmReport | None] = [None] * len(cams)
-    for index, front_m, north_m in zip(valid.tolist(), fronts_m.T.tolist(), norths_m.T.tolist(), strict=True):
+    for index, front_m, north_m in zip(valid.tolist(), both_m, both_m[len(valid) :], strict=False):
         if math.isfinite(front_m[0] + front_m[1]):  # the projection covers one side of the Earth
             reports[index] = _report(cams[index], received_ns[index], front_m, north_m)
     return reports
@@ -84,14 +84,14 @@ def _report(cam: Cam | CamCore, received_ns: int, front_m: list[float], north_m:
     x_m, y_m, z_m = front_m
     yaw_rad = math.atan2(north_m[1] - y_m, north_m[0] - x_m) - _number(cam.heading_rad)
     return LdmReport(
-        station_id=cam.station_id,
-        station_type=cam.station_type,
-        generation_ns=generation_time_ns(cam.generation_delta_time_ms, received_ns),
-        front_m=(x_m, y_m, z_m),
-        yaw_rad=math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
-        speed_mps=_number(cam.speed_mps),
-        length_m=_number(cam.length_m),
-        width_m=_number(cam.width_m),
+        cam.station_id,
+        cam.station_type,
+        generation_time_ns(cam.generation_delta_time_ms, received_ns),
+        (x_m, y_m, z_m),
+        math.remainder(yaw_rad, math.tau) if math.isfinite(yaw_rad) else math.nan,
+        _number(cam.speed_mps),
+        _number(cam.length_m),
+        _number(cam.width_m),
     )
 
 
@@ -167,14 +167,15 @@ class LocalDynamicMap:
         return LdmSnapshot(now_ns, tuple(self._entries.values()), counts, self._heard.snapshot(now_ns))
 
     def _judge(self, report: LdmReport, now_ns: int) -> Verdict:
-        if self._is_expired(report, now_ns):
+        own_ns, generation_ns = now_ns + self._clock_error_ns, report.generation_ns
+        if generation_ns < own_ns - self._keep_ns:
             return Verdict.EXPIRED
-        if report.generation_ns > now_ns + self._clock_error_ns + self._keep_ns:
+        if generation_ns > own_ns + self._keep_ns:
             return Verdict.FUTURE
         known = self._entries.get(report.station_id)
         if known is None or self._replaces_newer or self._is_expired(known.report, now_ns):
             return Verdict.ACCEPTED
-        is_older = report.generation_ns < known.report.generation_ns
+        is_older = generation_ns < known.report.generation_ns
         return Verdict.SUPERSEDED if is_older else Verdict.ACCEPTED
 
     def _is_expired(self, report: LdmReport, now_ns: int) -> bool:

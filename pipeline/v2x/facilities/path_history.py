@@ -110,7 +110,9 @@ def _offset_m(origin: _Place, place: _Place) -> tuple[float, float]:
 
 
 def _distance_m(origin: _Place, place: _Place) -> float:
-    return math.hypot(*_offset_m(origin, place))
+    return math.hypot(
+        *east_north_m(origin.latitude_deg, origin.longitude_deg, place.latitude_deg, place.longitude_deg)
+    )
 
 
 def _delta(before: _Place, place: _Place) -> PathPoint | None:

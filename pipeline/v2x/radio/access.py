@@ -11,6 +11,8 @@ acknowledged or retransmitted, and the contention window stays the same.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 
@@ -21,6 +23,9 @@ from advpipe.pipeline.v2x.radio.stations import Bool, Int64
 LONG_AGO_NS = -(10**18)
 CCA_TIME_NS = 8_000
 """Stations that start within this time of each other do not sense each other (clear channel assessment)."""
+
+
+_start_ns = attrgetter("start_ns")
 
 
 class _Contender:
@@ -86,13 +91,23 @@ class Access:
         dropped: list[RadioFrame] = []
         arriving = deque(requests)
         while True:
-            head = min(self._contenders.values(), key=lambda c: c.start_ns, default=None)
+            head = min(self._contenders.values(), key=_start_ns) if self._contenders else None
             if arriving and (head is None or arriving[0].request_ns <= head.start_ns):
-                self._arrive(arriving.popleft())
+                frame = arriving.popleft()
+                if head is None and self._is_free(frame, arriving):
+                    self._start(frame, frame.request_ns, sent)
+                else:
+                    self._arrive(frame)
             elif head is not None and head.start_ns < until_ns:
                 self._leave(head, sent, dropped)
             else:
                 return sent, dropped
+
+    def _is_free(self, frame: RadioFrame, arriving: Sequence[RadioFrame]) -> bool:
+        """Whether a message that has no contender starts at once, and alone."""
+        if arriving and arriving[0].request_ns == frame.request_ns:
+            return False
+        return frame.request_ns >= self._free_ns(frame) + self._ofdm.aifs_ns
 
     def _arrive(self, frame: RadioFrame) -> None:
         if frame.sender_id in self._contenders:
@@ -106,8 +121,11 @@ class Access:
 
     def _free_ns(self, frame: RadioFrame) -> int:
         """When the channel is free at the sender of a frame, or was a long time ago."""
-        sender = frame.sender
-        return max((end_ns for end_ns, taken in self._taken if taken[sender]), default=LONG_AGO_NS)
+        free_ns, sender = LONG_AGO_NS, frame.sender
+        for end_ns, taken in self._taken:
+            if end_ns > free_ns and taken[sender]:
+                free_ns = end_ns
+        return free_ns
 
     def _leave(self, head: _Contender, sent: list[RadioFrame], dropped: list[RadioFrame]) -> None:
         frame, now_ns = head.frame, head.start_ns
@@ -115,16 +133,19 @@ class Access:
         if now_ns - frame.request_ns > self._queue_delay_max_ns:
             dropped.append(frame)
         else:
-            frame.send(now_ns)
-            sent.append(frame)
-            since_ns = now_ns - self._ofdm.aifs_ns
-            self._taken = [one for one in self._taken if one[0] > since_ns]
-            self._taken.append((frame.end_ns, frame.hearing))
+            self._start(frame, now_ns, sent)
             self._silence(frame.hearing, now_ns)
         if queue := self._queues.get(frame.sender_id):
             self._enter(queue.popleft(), now_ns)
             if not queue:
                 del self._queues[frame.sender_id]
+
+    def _start(self, frame: RadioFrame, now_ns: int, sent: list[RadioFrame]) -> None:
+        frame.send(now_ns)
+        sent.append(frame)
+        since_ns = now_ns - self._ofdm.aifs_ns
+        self._taken = [one for one in self._taken if one[0] > since_ns]
+        self._taken.append((frame.end_ns, frame.hearing))
 
     def _silence(self, hearing: Bool, now_ns: int) -> None:
         for other in self._contenders.values():

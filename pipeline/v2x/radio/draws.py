@@ -23,12 +23,17 @@ _FACTORS = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
 
 def mix(state: UInt64) -> UInt64:
     """SplitMix64's output for each state: a bijection in which every bit depends on every bit."""
-    mixed = state ^ (state >> _SHIFTS[0])
-    mixed *= _FACTORS[0]
-    mixed ^= mixed >> _SHIFTS[1]
-    mixed *= _FACTORS[1]
-    mixed ^= mixed >> _SHIFTS[2]
-    return mixed
+    return _mixed(state.copy())
+
+
+def _mixed(state: UInt64) -> UInt64:
+    """As `mix`, in place."""
+    shifted = state >> _SHIFTS[0]
+    state ^= shifted
+    for shift, factor in zip(_SHIFTS[1:], _FACTORS, strict=True):
+        state *= factor
+        state ^= np.right_shift(state, shift, out=shifted)
+    return state
 
 
 def message_keys(station_ids: npt.ArrayLike, times_ns: npt.ArrayLike, copies: npt.ArrayLike = 0) -> UInt64:
@@ -50,11 +55,11 @@ class Draws:
 
     def of_messages(self, use: str, keys: UInt64) -> Float64:
         """One number (M,) in (0, 1) for each message."""
-        return _uniform(mix(keys ^ self._of_use(use)))
+        return _uniform(_mixed(keys ^ self._of_use(use)))
 
     def of_pairs(self, use: str, keys: UInt64, receivers: UInt64) -> Float64:
         """Numbers in (0, 1) for messages (...) and receivers (...), whose shapes are broadcast."""
-        return _uniform(mix(mix(keys ^ self._of_use(use)) + receivers * GOLDEN))
+        return _uniform(_mixed(mix(keys ^ self._of_use(use)) + receivers * GOLDEN))
 
     def _of_use(self, use: str) -> np.uint64:
         if use not in self._uses:
@@ -64,8 +69,9 @@ class Draws:
 
 
 def _uniform(bits: UInt64) -> Float64:
-    """The middles of 2^53 equal parts of the unit interval, so never 0 or 1."""
-    uniform = (bits >> np.uint64(11)).astype(np.float64)
+    """The middles of 2^53 equal parts of the unit interval, so never 0 or 1; overwrites the bits."""
+    bits >>= np.uint64(11)
+    uniform = bits.view(np.int64).astype(np.float64)
     uniform += 0.5
     uniform *= 2.0**-53
     return uniform

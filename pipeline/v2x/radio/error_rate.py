@@ -15,6 +15,9 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 
+Bool = npt.NDArray[np.bool_]
+Int64 = npt.NDArray[np.int64]
+
 
 class Code(NamedTuple):
     """A convolutional code: `bits` in for each step, and information errors by distance."""
@@ -79,14 +82,49 @@ MODULATIONS: dict[float, tuple[Callable[[Float64], Float64], Code]] = {
 def success_rate(snr_db: Float64, bits: npt.ArrayLike, channel_bitrate_mbps: float) -> Float64:
     """The share (...) of messages of `bits` bits (...) that arrive without error at this signal-to-noise
     ratio."""
+    rate: Float64 = np.exp(np.asarray(bits) * _log_rate_of_a_bit(snr_db, channel_bitrate_mbps))
+    return rate
+
+
+def _log_rate_of_a_bit(snr_db: Float64, channel_bitrate_mbps: float) -> Float64:
     bit_error_rate, code = MODULATIONS[channel_bitrate_mbps]
     raw = bit_error_rate(10 ** (snr_db / 10))
     bhattacharyya = np.sqrt(4 * raw * (1 - raw))
     step = code.distances[1] - code.distances[0]
     series = np.polynomial.polynomial.polyval(bhattacharyya**step, (0, *code.weights))
     event = series * bhattacharyya ** (code.distances[0] - step) / (2 * code.bits)
-    rate: Float64 = np.exp(np.asarray(bits) * np.log1p(-np.minimum(event, 1 - 1e-16)))
+    rate: Float64 = np.log1p(-np.minimum(event, 1 - 1e-16))
     return rate
+
+
+def is_lost(luck: Float64, snr_db: Float64, bits: Int64, channel_bitrate_mbps: float) -> Bool:
+    """Whether luck (N,), drawn from (0, 1), exceeds `success_rate` (N,).
+
+    The rates at the ends of an interval of 1 / `_PER_DB` nearly always decide, in a tenth of the time.
+    """
+    table = _log_rates(channel_bitrate_mbps)
+    places = (snr_db - _TABLE_FROM_DB) * _PER_DB
+    np.maximum(places, 0, out=places)
+    interval = np.minimum(places, len(table) - 2, out=places).astype(np.int64)
+    log_luck = np.log(luck)
+    lost: Bool = log_luck > bits * table[1:].take(interval) + _ROUNDING
+    (unclear,) = (lost ^ (log_luck > bits * table.take(interval) - _ROUNDING)).nonzero()
+    if len(unclear):
+        lost[unclear] = luck[unclear] > success_rate(snr_db[unclear], bits[unclear], channel_bitrate_mbps)
+    return lost
+
+
+_TABLE_FROM_DB, _PER_DB = -5.0, 2048
+_ROUNDING = 1e-9
+"""More than the rounding errors of a logarithm of a rate that luck can be near to."""
+
+
+@cache
+def _log_rates(channel_bitrate_mbps: float) -> Float64:
+    """Logarithms of the rate of one bit, ascending; the outer intervals reach to infinity."""
+    ratios_db = np.arange(_TABLE_FROM_DB, error_free_snr_db(channel_bitrate_mbps), 1 / _PER_DB)
+    inner = _log_rate_of_a_bit(ratios_db, channel_bitrate_mbps)
+    return np.concatenate([[-np.inf], inner[1:-1], [0.0]])
 
 
 @cache

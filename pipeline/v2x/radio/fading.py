@@ -21,7 +21,8 @@ def shadowing_db(uniform: Float64, stddev_db: Float64) -> Float64:
     from scipy.special import ndtri
 
     normal: Float64 = ndtri(uniform)
-    return stddev_db * normal
+    normal *= stddev_db
+    return normal
 
 
 def nakagami_db(uniform: Float64, distance_m: Float64) -> Float64:
@@ -30,7 +31,8 @@ def nakagami_db(uniform: Float64, distance_m: Float64) -> Float64:
     Linear between tabulated quantiles, evenly spaced in the draw's logit: in the lower tail the gain in
     decibels is linear in it. Within 0.01 dB.
     """
-    places = np.log(uniform) - np.log1p(-uniform)
+    places = np.log(uniform)
+    places -= np.log1p(-uniform)
     places -= _LOGITS[0]
     places /= _LOGITS[1] - _LOGITS[0]
     starts = places.astype(np.int64)
@@ -38,21 +40,20 @@ def nakagami_db(uniform: Float64, distance_m: Float64) -> Float64:
     shape = np.zeros(distance_m.shape, np.uint8)
     for edge_m in NAKAGAMI_UP_TO_M:  # faster than a binary search
         shape += distance_m > edge_m
-    table = _quantiles_db()
-    starts += shape * np.int64(table.shape[1])
-    gain_db, slope_db = table.take(starts), table.take(starts + 1)
-    slope_db -= gain_db
-    slope_db *= places
-    gain_db += slope_db
+    table_db, steps_db = _quantiles_db()
+    starts += shape * np.int64(table_db.shape[1])
+    gain_db: Float64 = steps_db.take(starts)
+    gain_db *= places
+    gain_db += table_db.take(starts)
     return gain_db
 
 
 @cache
-def _quantiles_db() -> Float64:
-    """One row for each shape; 10 log10 of the power at each of the logits."""
+def _quantiles_db() -> tuple[Float64, Float64]:
+    """One row for each shape: 10 log10 of the power at each of the logits, and the steps to the next."""
     from scipy.special import expit, gammainccinv, gammaincinv
 
     shapes = np.array(NAKAGAMI_SHAPES)[:, None]
     lower, upper = gammaincinv(shapes, expit(_LOGITS)), gammainccinv(shapes, expit(-_LOGITS))
     quantiles: Float64 = 10 * np.log10(np.where(_LOGITS < 0, lower, upper) / shapes)
-    return quantiles
+    return quantiles, np.diff(quantiles, append=quantiles[:, -1:])

@@ -38,11 +38,9 @@ class Link:
     ) -> tuple[Float64, Float64]:
         """Power in dBm (M, S) and distance in metres (M, S) of messages from stations in columns (M,)."""
         radio, antenna_m = self._radio, stations.antenna_m
-        square_m2 = np.zeros((len(senders), len(antenna_m)))
-        for axis in antenna_m.T:
-            square_m2 += np.square(axis[senders, None] - axis)
-        distance_m = np.sqrt(square_m2, out=square_m2)
-        received_dbm = power_dbm[:, None] - PATH_LOSS[radio.path_loss](distance_m, radio)
+        distance_m = _distances_m(antenna_m, senders)
+        received_dbm = PATH_LOSS[radio.path_loss](distance_m, radio)
+        np.subtract(power_dbm[:, None], received_dbm, out=received_dbm)
         pairs = keys[:, None], stations.ids.astype(np.uint64)[None]
         if radio.shadowing is not None:
             sigmas = radio.shadowing.near_stddev_db, radio.shadowing.far_stddev_db
@@ -64,3 +62,12 @@ class Link:
             received_dbm -= radio.wall_loss_db * walls + radio.inside_loss_db_per_m * inside_m
         received_dbm[np.arange(len(senders)), senders] = power_dbm
         return received_dbm, distance_m
+
+
+def _distances_m(places_m: Float64, rows: Int64) -> Float64:
+    """Distances (M, S) of the places in these rows (M,) from all places (S, 3)."""
+    squares_m2 = [np.square(axis[rows, None] - axis) for axis in places_m.T]
+    distance_m: Float64 = squares_m2[0]
+    for square_m2 in squares_m2[1:]:
+        distance_m += square_m2
+    return np.sqrt(distance_m, out=distance_m)

@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.frame import RadioFrame
-from advpipe.pipeline.v2x.radio.stations import Int64
+from advpipe.pipeline.v2x.radio.stations import Bool, Int64
+
+Int32 = npt.NDArray[np.int32]
 
 WINDOW_NS = 100_000_000
 """The measuring window (ETSI TS 102 687, T_CBR); windows begin at whole tenths of a second."""
@@ -34,12 +37,22 @@ def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Floa
     if not frames:
         return np.zeros(stations)
     window_ns = end_ns - WINDOW_NS
+    bounds_ns = [frame.start_ns for frame in frames], [frame.end_ns for frame in frames]
+    start_ns, stop_ns = np.clip(np.array(bounds_ns) - window_ns, 0, WINDOW_NS).astype(np.int32)
     hearing = np.array([frame.hearing for frame in frames])
-    spans_ns = np.array([(frame.start_ns, frame.end_ns) for frame in frames]) - window_ns
-    start_ns, stop_ns = np.clip(spans_ns, 0, WINDOW_NS).astype(np.int32).T[..., None]
-    stop_ns = stop_ns * hearing
-    busy_ns = stop_ns - start_ns
+    follows = np.append(start_ns[1:] >= np.maximum.accumulate(stop_ns)[:-1], True)
+    is_alone = follows & np.append(True, follows[:-1])
+    alone_ns = ((stop_ns - start_ns) * is_alone) @ hearing
+    (among,) = (~is_alone).nonzero()
+    busy: Float64 = (alone_ns + _union_ns(start_ns[among], stop_ns[among], hearing[among])) / WINDOW_NS
+    return busy
+
+
+def _union_ns(start_ns: Int32, stop_ns: Int32, hearing: Bool) -> Int64:
+    """How long each station (S,) hears any of messages (M,) that overlap, by start."""
+    stop_ns = stop_ns[:, None] * hearing
+    busy_ns = stop_ns - start_ns[:, None]
     taken_until_ns = np.maximum.accumulate(stop_ns)[:-1]
     np.minimum(busy_ns[1:], stop_ns[1:] - taken_until_ns, out=busy_ns[1:])
-    busy: Float64 = np.maximum(busy_ns, 0).sum(axis=0) / WINDOW_NS
-    return busy
+    union_ns: Int64 = np.maximum(busy_ns, 0).sum(axis=0)
+    return union_ns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,10 @@ class Step(NamedTuple):
 
     outcomes: ReceptionOutcomes
     loads: tuple[ChannelLoad, ...]
+
+
+_BY_REQUEST = attrgetter("request_ns")
+_BY_END = attrgetter("end_ns", "start_ns")
 
 
 class Medium:
@@ -68,7 +73,7 @@ class Medium:
         sent, expired = self._access.run(requests, until_ns)
         self._sent += sent
         ended = [frame for frame in self._sent if not frame.is_reported and frame.end_ns <= until_ns]
-        ended.sort(key=lambda frame: (frame.end_ns, frame.start_ns))
+        ended.sort(key=_BY_END)
         lost = np.array([frame.message for frame in (*dropped, *expired)], np.int64)
         outcomes = self._receiver.outcomes(ended, self._sent, stations, lost)
         loads = tuple(self._load(end_ns) for end_ns in _window_ends(first_ns, until_ns))
@@ -113,7 +118,7 @@ class Medium:
             RadioFrame(*values, *rows)
             for values, *rows in zip(scalars, received_dbm, distance_m, hearing, strict=True)
         ]
-        return [frames[index] for index in np.argsort(transmissions.request_ns, kind="stable")]
+        return sorted(frames, key=_BY_REQUEST)
 
     def _load(self, end_ns: int) -> ChannelLoad:
         frames = [f for f in self._sent if f.start_ns < end_ns and f.end_ns > end_ns - WINDOW_NS]

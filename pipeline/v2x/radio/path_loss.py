@@ -25,12 +25,16 @@ def dual_slope_db(distance_m: Float64, radio: Radio) -> Float64:
 
     Cheng et al., IEEE JSAC 25(8), 2007, equation 3.
     """
-    critical_m = np.array(radio.critical_distance_m)
+    critical_m, reference_db = (
+        np.array(radio.critical_distance_m),
+        free_space_db(np.array(REFERENCE_M), radio),
+    )
     is_far = distance_m > critical_m
-    logarithm = np.log10(np.where(is_far, distance_m / critical_m, np.maximum(distance_m, REFERENCE_M)))
-    near_db = 10 * radio.near_exponent * np.where(is_far, np.log10(critical_m), logarithm)
-    far_db = 10 * radio.far_exponent * np.where(is_far, logarithm, 0.0)
-    return free_space_db(np.array(REFERENCE_M), radio) + near_db + far_db
+    loss_db = np.where(is_far, distance_m / critical_m, np.maximum(distance_m, REFERENCE_M))
+    np.log10(loss_db, out=loss_db)
+    loss_db *= np.where(is_far, 10 * radio.far_exponent, 10 * radio.near_exponent)
+    loss_db += np.where(is_far, reference_db + 10 * radio.near_exponent * np.log10(critical_m), reference_db)
+    return loss_db
 
 
 PATH_LOSS: dict[str, Callable[[Float64, Radio], Float64]] = {

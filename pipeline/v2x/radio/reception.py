@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.radio.draws import Draws
-from advpipe.pipeline.v2x.radio.error_rate import error_free_snr_db, success_rate
+from advpipe.pipeline.v2x.radio.error_rate import error_free_snr_db, is_lost
 from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import (
@@ -44,37 +45,30 @@ class Receiver:
     ) -> ReceptionOutcomes:
         """The outcomes of the messages `final`; `on_air` are these and all others that overlap with them."""
         radio, count = self._radio, len(stations.ids)
-        start_ns, end_ns, key, bits = _columns(final, "start_ns", "end_ns", "key", "bits")
+        message, sender_id, senders, request_ns, start_ns, end_ns, key, bits = _columns(
+            final, "message", "sender_id", "sender", "request_ns", "start_ns", "end_ns", "key", "bits"
+        )
         power_dbm = _rows([frame.power_dbm for frame in final], count)
         distance_m = _rows([frame.distance_m for frame in final], count)
-        interference_mw, is_busy, is_sending = self._overlaps(final, on_air, power_dbm)
-
-        snr_db = power_dbm - radio.noise_dbm
-        noise_mw = 10 ** (radio.noise_dbm / 10)
-        sinr_db = snr_db.copy()
-        disturbed: Bool = interference_mw.max(axis=1, initial=0.0) > 0
-        sinr_db[disturbed] -= 10 * np.log10(1 + interference_mw[disturbed] / noise_mw)
-        keys = key.view(np.uint64)
+        sinr_db = power_dbm - radio.noise_dbm
         is_audible = power_dbm >= radio.sensitivity_dbm
-        outcome: UInt8 = np.full(power_dbm.shape, Outcome.RECEIVED, np.uint8)
-        row, column = _places(is_audible & (sinr_db < self._flawless_db))
-        luck = self._draws.of_pairs("errors", keys[row], stations.ids[column].astype(np.uint64))
-        fails = luck > self._success(sinr_db[row, column], bits[row])
-        row, column, luck = row[fails], column[fails], luck[fails]
-        outcome[row, column] = Outcome.NOISE
-        among = disturbed[row]
-        row, column, luck = row[among], column[among], luck[among]
-        if len(row):
-            saved = luck <= self._success(snr_db[row, column], bits[row])
-            outcome[row[saved], column[saved]] = Outcome.INTERFERENCE
-        outcome[is_busy] = Outcome.BUSY
-        outcome[~is_audible] = Outcome.WEAK
-        outcome[is_sending] = Outcome.SENDING
-        senders = np.array([frame.sender for frame in final], np.int64)
+        outcome: UInt8 = ~is_audible * np.uint8(Outcome.WEAK)  # the others are RECEIVED, which is 0
+        overlaps = _overlaps(final, start_ns, end_ns, on_air, count)
+        disturbed = self._disturb(sinr_db, overlaps)
+        keys = key.view(np.uint64)
+        place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
+        luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.take(column).astype(np.uint64))
+        fails = self._fails(luck, sinr_db.take(place), bits.take(row))
+        place, row, luck = place[fails], row[fails], luck[fails]
+        outcome.put(place, Outcome.NOISE)
+        among = disturbed.take(row)
+        place, row, luck = place[among], row[among], luck[among]
+        if len(place):
+            fails = self._fails(luck, power_dbm.take(place) - radio.noise_dbm, bits.take(row))
+            outcome.put(place[~fails], Outcome.INTERFERENCE)
+        self._block(outcome, power_dbm, overlaps)
         present = senders >= 0
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
-        message, sender_id, request_ns = _columns(final, "message", "sender_id", "request_ns")
-        arrival_ns = self._arrival_ns(end_ns, distance_m, keys, stations, outcome)
         return ReceptionOutcomes(
             messages=message,
             senders=sender_id,
@@ -86,57 +80,100 @@ class Receiver:
             power_dbm=power_dbm,
             sinr_db=sinr_db,
             distance_m=distance_m,
-            arrival_ns=arrival_ns,
+            arrival_ns=self._arrival_ns(end_ns, distance_m, keys, stations, outcome),
             dropped=dropped,
         )
 
-    def _overlaps(
-        self, final: Sequence[RadioFrame], on_air: Sequence[RadioFrame], power_dbm: Float64
-    ) -> tuple[Float64, Bool, Bool]:
-        """Interference in mW, whether the receiver is locked on to an earlier message, and whether it sends:
-        (M, S)."""
-        interference_mw = np.zeros_like(power_dbm)
-        is_busy, is_sending = np.zeros((2, *power_dbm.shape), np.bool_)
-        start, end = _columns(final, "start_ns", "end_ns")
-        other_start, other_end = _columns(on_air, "start_ns", "end_ns")
-        together = (start[:, None] < other_end) & (other_start < end[:, None])
-        for one, other in np.argwhere(together):
-            disturber = on_air[other]
-            if disturber is final[one]:
-                continue
-            if disturber.sender >= 0:
-                is_sending[one, disturber.sender] = True
-            if self._radio.interference:
-                interference_mw[one] += 10 ** (disturber.power_dbm / 10)
-                if other_start[other] < start[one]:
-                    is_busy[one] |= (disturber.power_dbm >= self._radio.sensitivity_dbm) & (
-                        power_dbm[one] < disturber.power_dbm + self._radio.capture_threshold_db
-                    )
-        return interference_mw, is_busy, is_sending
+    def _disturb(self, ratio_db: Float64, overlaps: _Overlaps) -> Bool:
+        """Lower the signal-to-noise ratios (M, S) by the interference; whether (M,) there is any."""
+        disturbed = np.zeros(len(ratio_db), np.bool_)
+        if self._radio.interference and len(overlaps.one):
+            disturbed[overlaps.one] = True
+            interference_mw = dict.fromkeys(overlaps.one.tolist(), 0.0)
+            for one, power_mw in zip(overlaps.one.tolist(), 10 ** (overlaps.other_dbm / 10), strict=True):
+                interference_mw[one] = interference_mw[one] + power_mw
+            noise_mw = 10 ** (self._radio.noise_dbm / 10)
+            ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
+        return disturbed
 
-    def _success(self, ratio_db: Float64, bits: Int64) -> Float64:
-        """The probability of error-free messages; 0 below the configured threshold."""
-        chance = success_rate(ratio_db, bits, self._channel_bitrate_mbps)
-        return np.where(ratio_db >= self._radio.snir_threshold_db, chance, 0.0)
+    def _block(self, outcome: UInt8, power_dbm: Float64, overlaps: _Overlaps) -> None:
+        """Note the stations that are locked on to an earlier message, or send."""
+        radio, one = self._radio, overlaps.one
+        if radio.interference and len(one):
+            is_weaker = power_dbm[one] < overlaps.other_dbm + radio.capture_threshold_db
+            is_locked = (
+                overlaps.is_earlier[:, None] & (overlaps.other_dbm >= radio.sensitivity_dbm) & is_weaker
+            )
+            pair, column = np.nonzero(is_locked & (outcome[one] != Outcome.WEAK))
+            outcome[one[pair], column] = Outcome.BUSY
+        sends = overlaps.other_sender >= 0
+        outcome[one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
+
+    def _fails(self, luck: Float64, ratio_db: Float64, bits: Int64) -> Bool:
+        """Whether messages have bit errors; all do below the configured threshold."""
+        lost = is_lost(luck, ratio_db, bits, self._channel_bitrate_mbps)
+        return lost | (ratio_db < self._radio.snir_threshold_db)
 
     def _arrival_ns(
         self, end_ns: Int64, distance_m: Float64, keys: UInt64, stations: Stations, outcome: UInt8
     ) -> Int64:
         """Arrival of each received message (M, S) after air time, propagation and processing; else 0."""
-        row, column = _places(outcome == Outcome.RECEIVED)
+        is_received = outcome == Outcome.RECEIVED
         low_s, high_s = self._radio.processing_delay_min_s, self._radio.processing_delay_max_s
-        delay_s = distance_m[row, column] / SPEED_OF_LIGHT_MPS + low_s
+        delay_s = np.where(is_received, distance_m, 0.0)
+        delay_s /= SPEED_OF_LIGHT_MPS
+        delay_s += low_s
         if high_s > low_s:
+            _, row, column = _places(is_received)
             ids = stations.ids[column].astype(np.uint64)
-            delay_s += (high_s - low_s) * self._draws.of_pairs("processing", keys[row], ids)
-        arrival_ns = np.zeros(outcome.shape, np.int64)
-        arrival_ns[row, column] = end_ns[row] + np.rint(delay_s * 1e9).astype(np.int64)
+            delay_s[row, column] += (high_s - low_s) * self._draws.of_pairs("processing", keys[row], ids)
+        delay_s *= 1e9
+        arrival_ns = np.rint(delay_s, out=delay_s).astype(np.int64)
+        arrival_ns += end_ns[:, None]
+        arrival_ns *= is_received
         return arrival_ns
 
 
-def _places(mask: Bool) -> tuple[Int64, Int64]:
-    """As `np.nonzero` of a mask (M, S), in a fraction of the time."""
-    return np.divmod(np.flatnonzero(mask), max(mask.shape[1], 1))
+class _Overlaps(NamedTuple):
+    """The P pairs of messages on the air at the same time, by the first.
+
+    one: (P,), indices of the messages whose outcomes are decided. other_dbm: (P, S), powers of the other
+    ones; other_sender: (P,), columns of their senders; is_earlier: (P,), whether they started first.
+    """
+
+    one: Int64
+    other_dbm: Float64
+    other_sender: Int64
+    is_earlier: Bool
+
+
+def _overlaps(
+    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame], stations: int
+) -> _Overlaps:
+    other_start_ns = np.array([frame.start_ns for frame in on_air], np.int64)
+    other_end_ns = np.array([frame.end_ns for frame in on_air], np.int64)
+    _, row, column = _places((start_ns[:, None] < other_end_ns) & (other_start_ns < end_ns[:, None]))
+    pairs = [
+        (one, other)
+        for one, other in zip(row.tolist(), column.tolist(), strict=True)
+        if on_air[other] is not final[one]
+    ]
+    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
+    frames = [on_air[index] for index in other.tolist()]
+    return _Overlaps(
+        one,
+        _rows([frame.power_dbm for frame in frames], stations),
+        np.array([frame.sender for frame in frames], np.int64),
+        other_start_ns[other] < start_ns[one],
+    )
+
+
+def _places(mask: Bool) -> tuple[Int64, Int64, Int64]:
+    """Where a mask (M, S) is set: in its flat form, by row and by column; `np.nonzero` takes far longer."""
+    stations = max(mask.shape[1], 1)
+    (place,) = mask.ravel().nonzero()
+    row = place // stations
+    return place, row, place - row * stations
 
 
 def _rows(rows: Sequence[Float64], count: int) -> Float64:
@@ -144,5 +181,5 @@ def _rows(rows: Sequence[Float64], count: int) -> Float64:
 
 
 def _columns(frames: Sequence[RadioFrame], *names: str) -> list[Int64]:
-    rows = np.array([*map(attrgetter(*names), frames)], np.int64).reshape(len(frames), len(names))
-    return list(np.ascontiguousarray(rows.T))
+    columns = [[*map(attrgetter(name), frames)] for name in names]
+    return list(np.array(columns, np.int64).reshape(len(names), len(frames)))

@@ -134,19 +134,19 @@ class ReceptionOutcomes:
         """The receptions by these stations, or by all, in order of arrival."""
         columns = np.arange(len(self.receivers))
         if receivers is not None:
-            columns = columns[np.isin(self.receivers, receivers)]
-        row, nth = np.nonzero(self.outcome[:, columns] == Outcome.RECEIVED)
+            wanted = set(receivers.tolist())
+            columns = columns[[station in wanted for station in self.receivers.tolist()]]
+        row, nth = (self.outcome[:, columns] == Outcome.RECEIVED).nonzero()
         column = columns[nth]
-        order = np.lexsort((self.receivers[column], self.messages[row], self.arrival_ns[row, column]))
-        row, column = row[order], column[order]
-        return [
-            Reception(*values)
-            for values in zip(
-                self.messages[row].tolist(),
-                self.receivers[column].tolist(),
-                self.arrival_ns[row, column].tolist(),
-                self.power_dbm[row, column].tolist(),
-                self.sinr_db[row, column].tolist(),
-                strict=True,
-            )
-        ]
+        place = row * len(self.receivers) + column
+        arrival_ns = self.arrival_ns.take(place)
+        order = np.lexsort((self.receivers[column], self.messages[row], arrival_ns))
+        place = place[order]
+        values = (
+            self.messages[row[order]],
+            self.receivers[column[order]],
+            arrival_ns[order],
+            self.power_dbm.take(place),
+            self.sinr_db.take(place),
+        )
+        return [*map(Reception, *(value.tolist() for value in values))]

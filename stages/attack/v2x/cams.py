@@ -81,13 +81,17 @@ def with_fields(tree: CamTree, **fields: Any) -> CamTree:
 
 def with_code(tree: CamTree, path: tuple[str, ...], code: Any) -> CamTree:
     """A copy of the CAM with this ASN.1 value at the end of a path, which may lead through a CHOICE."""
-    name, rest = path[0], path[1:]
-    if not rest:
-        return {**tree, name: code}
-    inner = tree[name]
-    if isinstance(inner, tuple):
-        return {**tree, name: (inner[0], with_code(inner[1], rest, code))}
-    return {**tree, name: with_code(inner, rest, code)}
+    changed = part = dict(tree)
+    for name in path[:-1]:
+        inner = part[name]
+        if isinstance(inner, tuple):
+            copy = dict(inner[1])
+            part[name] = inner[0], copy
+        else:
+            copy = part[name] = dict(inner)
+        part = copy
+    part[path[-1]] = code
+    return changed
 
 
 def _at(tree: Any, path: tuple[str, ...]) -> Any:

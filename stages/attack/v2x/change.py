@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from operator import attrgetter
 from pathlib import Path
 
 from advpipe.pipeline.bag.pseudonyms import radios_by_pseudonym
@@ -240,9 +241,11 @@ class V2xChange:
         self._labels.begin(step.sent)
         sent = list(step.sent)
         for editor_index, editor in enumerate(self._editors):
-            before, sent = sent, sorted(_edited(editor, step, sent), key=_order)
+            names = editor.traits.message_types if isinstance(editor, V2xAttack) else (CAM.name,)
+            before, sent = sent, sorted(_edited(editor, step, sent, names), key=_order)
             self._labels.compare(editor_index, editor, before, sent)
-            self._object_labels.compare(editor.name, before, sent)
+            if CPM.name in names:
+                self._object_labels.compare(editor.name, before, sent)
         kept = self._congestion.allowed(step, sent) if self._congestion else sent
         return self._packets.packed(step.sent, kept)
 
@@ -292,17 +295,16 @@ class V2xChange:
         yield from map(rejected_message, result.rejected)
 
 
-def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent]) -> list[Sent]:
-    """The messages after an editor, which sees those of its types alone."""
-    names = editor.traits.message_types if isinstance(editor, V2xAttack) else (CAM.name,)
-    seen, others = list[Sent](), list[Sent]()
-    for one in sent:
-        (seen if message_type_of(one.payload).name in names else others).append(one)
-    return [*editor.edit(step, tuple(seen)), *others]
+_order = attrgetter("request_ns", "number")
 
 
-def _order(sent: Sent) -> tuple[int, int]:
-    return sent.request_ns, sent.number
+def _edited(editor: MessageEditor, step: V2xStep, sent: Sequence[Sent], names: Sequence[str]) -> list[Sent]:
+    """The messages after an editor, which sees those of the types with these names alone."""
+    seen = tuple([one for one in sent if message_type_of(one.payload).name in names])
+    if len(seen) == len(sent):
+        return list(editor.edit(step, seen))
+    others = [one for one in sent if message_type_of(one.payload).name not in names]
+    return [*editor.edit(step, seen), *others]
 
 
 def _by_stamp(messages: list[StampedCdr]) -> list[StampedCdr]:

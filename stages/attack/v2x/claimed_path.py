@@ -29,8 +29,9 @@ class ClaimedPath:
         altitude_m = field_of(tree, "altitude_m")
         if latitude_deg is None or longitude_deg is None:
             return tree
-        time_ns = generation_time_ns(field_of(tree, "generation_delta_time_ms"), sent.request_ns)
-        path, newest_ns = self._paths.setdefault(sent.station_id, (PathHistory(), -1))
+        time_ns = generation_time_ns(tree["cam"]["generationDeltaTime"], sent.request_ns)
+        known = self._paths.get(sent.station_id)
+        path, newest_ns = (PathHistory(), -1) if known is None else known
         if time_ns > newest_ns:
             path.add(time_ns, latitude_deg, longitude_deg, altitude_m)
             self._paths[sent.station_id] = path, time_ns

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,8 +19,7 @@ REFERENCE_POINT_M = "reference_point_m"
 """A field besides those of a CAM: x and y of the reference point in the map's frame."""
 
 
-@dataclass(frozen=True, slots=True)
-class OwnMessage:
+class OwnMessage(NamedTuple):
     """An attacker's message before its falsification.
 
     reference_point_m: x and y of the reference point, the middle of the vehicle's front side, in the map's
@@ -83,7 +81,7 @@ class Falsification(V2xAttack):
             if self._path is not None:
                 falsified = self._path.follow(message, falsified, is_attacked and bool(fields))
             if falsified is not tree:
-                edited[index] = replace(message, payload=cams.close(falsified))
+                edited[index] = message.with_payload(cams.close(falsified))
         return edited
 
     def _reference_points_m(self, trees: Sequence[CamTree]) -> list[tuple[float, float]]:

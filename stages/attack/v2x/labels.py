@@ -38,6 +38,7 @@ MOST_HELD_BACK = 10_000
 """Messages that a running graph's attacks may hold back and still send."""
 
 _BLOCK = 1000
+_NOTHING: Values = dict.fromkeys(FIELDS)
 _SHOWN_HEIGHT_M = 1.0
 
 
@@ -94,6 +95,7 @@ class Labels:
         self._editors: list[MessageEditor] = []
         self._newest: dict[int, bytes] = {}
         self._step: dict[int, Sent] = {}
+        self._step_cams: list[Sent] = []
         self._by_station: dict[int, list[Sent]] = {}
         self._bounds_check = BoundsCheck(geodesy, declared)
         self.touching: set[int] = set()
@@ -101,12 +103,11 @@ class Labels:
 
     def begin(self, recorded: Sequence[Sent]) -> None:
         """Start a step with its recorded messages."""
-        for station_id, messages in self._by_station.items():
-            self._newest[station_id] = messages[-1].payload
+        for message in self._step_cams:
+            self._newest[message.station_id] = message.payload
         self._step = {message.number: message for message in recorded}
+        self._step_cams = [message for message in recorded if is_cam(message.payload)]
         self._by_station, self._step_rows, self._step_held_back = {}, [], []
-        for message in filter(_is_cam, recorded):
-            self._by_station.setdefault(message.station_id, []).append(message)
 
     def compare(
         self, editor_index: int, editor: MessageEditor, before: Sequence[Sent], after: Sequence[Sent]
@@ -116,12 +117,18 @@ class Labels:
         while len(self._editors) <= editor_index:
             self._editors.append(editor)
         olds = {message.number: message for message in before}
+        attack = editor if isinstance(editor, V2xAttack) else None
+        attacking = frozenset() if attack is None else attack.context.attacking
         for message in after:
             old = olds.pop(message.number, None)
             if old is None:
                 self._add_new(editor_index, message)
             elif message is old or message == old:
-                if isinstance(editor, V2xAttack) and self._is_corrupt(editor, message):
+                if (
+                    attack is not None
+                    and message.station_id in attacking
+                    and self._is_corrupt(attack, message)
+                ):
                     self._add(editor_index, CORRUPT, message, message, message.request_ns, message.payload)
             elif message.payload == old.payload and message.request_ns != old.request_ns:
                 self._add(editor_index, DELAYED, message, old, old.request_ns, self._genuine(message))
@@ -211,7 +218,7 @@ class Labels:
             self._add(editor_index, DELAYED, message, held, held.request_ns, genuine)
 
     def _is_corrupt(self, attack: V2xAttack, message: Sent) -> bool:
-        if not attack.context.acts(message) or not _is_cam(message):
+        if not attack.context.acts(message) or not is_cam(message.payload):
             return False
         return self.cams.open(message.payload) is None
 
@@ -222,10 +229,17 @@ class Labels:
             return None
         station_id = self.identities.radio_of(field_of(tree, "station_id"))
         payload = self._newest.get(station_id)
-        for sent in self._by_station.get(station_id, ()):
+        for sent in self._recorded(station_id):
             if sent.request_ns <= message.request_ns:
                 payload = sent.payload
         return payload
+
+    def _recorded(self, station_id: int) -> Sequence[Sent]:
+        """The station's CAMs of the step, as recorded."""
+        if not self._by_station:
+            for sent in self._step_cams:
+                self._by_station.setdefault(sent.station_id, []).append(sent)
+        return self._by_station.get(station_id, ())
 
     def _add(
         self,
@@ -272,7 +286,7 @@ class Labels:
         if part.traits.every_message_matters or part.preset is None or true is None or false is None:
             return part.traits.every_message_matters or None
         payload = self._newest.get(message.station_id)
-        for sent in self._by_station.get(message.station_id, ()):
+        for sent in self._recorded(message.station_id):
             if sent.request_ns < message.request_ns:
                 payload = sent.payload
         return part.preset.matters(true, false, self._values(payload))
@@ -305,10 +319,8 @@ class Labels:
         for state, points_m in (("true", true_m), ("false", false_m)):
             for axis, values_m in zip(AXES, points_m, strict=True):
                 columns[f"{state}_{axis}"] = pa.array(values_m, pa.float64(), from_pandas=True)
-            for field in FIELDS:
-                columns[f"{state}_{field}"] = [
-                    None if (stated := getattr(row, state)) is None else stated[field] for row in rows
-                ]
+            stated = [getattr(row, state) or _NOTHING for row in rows]
+            columns |= {f"{state}_{field}": [one[field] for one in stated] for field in FIELDS}
         table = pa.Table.from_pydict(columns, arrow_schema(MESSAGE_COLUMNS))
         if self._grown is not None:
             self._grown.add_table(table)
@@ -321,10 +333,6 @@ class Labels:
         if row.mattered is not None or row.action == DROPPED:
             return row.mattered is not False
         return has_effect(row.true, row.false, moved_m, self._expiry_s)
-
-
-def _is_cam(message: Sent) -> bool:
-    return is_cam(message.payload)
 
 
 def _changed_fields(row: _Row) -> str:

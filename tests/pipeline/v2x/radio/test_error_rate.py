@@ -8,6 +8,7 @@ from advpipe.pipeline.v2x.radio.error_rate import (
     TWO_THIRDS,
     Code,
     error_free_snr_db,
+    is_lost,
     success_rate,
 )
 
@@ -80,3 +81,22 @@ def test_faster_bitrates_need_a_higher_ratio() -> None:
     ]
     assert needed_db[2] == pytest.approx(needed_db[0] + 3.01, abs=0.02)  # QPSK against BPSK
     assert (np.diff(np.delete(needed_db, 1)) > 0).all()  # BPSK 3/4 needs about what QPSK 1/2 does
+
+
+@pytest.mark.parametrize("rate", MODULATIONS)
+def test_who_is_lost_is_decided_as_by_the_rate_itself(rate: float) -> None:
+    """Also next to the rate, where the table cannot decide, and beyond the table at both of its ends."""
+    rng = np.random.default_rng(3)
+    snr_db = np.concatenate([rng.uniform(-40, 70, 20_000), rng.uniform(0, 30, 20_000)])
+    bits = rng.integers(8 * 80, 8 * 2000, len(snr_db))
+    chance = success_rate(snr_db, bits, rate)
+    random = rng.uniform(2.0**-54, 1, len(snr_db))
+    near = np.clip(chance * (1 + rng.choice([-1e-12, 0, 1e-12], len(snr_db))), 2.0**-54, 1 - 2.0**-53)
+    for luck in (random, near, np.nextafter(near, 0), np.nextafter(near, 1)):
+        np.testing.assert_array_equal(is_lost(luck, snr_db, bits, rate), luck > chance)
+        assert 0 < is_lost(luck, snr_db, bits, rate).sum() < len(luck)
+
+
+def test_no_messages_are_lost_where_there_are_none() -> None:
+    nothing = np.empty(0)
+    assert is_lost(nothing, nothing, nothing.astype(np.int64), 6.0).shape == (0,)
