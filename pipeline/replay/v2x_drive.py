@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.footprints import footprints_of_text
@@ -15,7 +16,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_PACKETS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
-from advpipe.pipeline.v2x.channel import Channel, ChannelResult, Received, Sent
+from advpipe.pipeline.v2x.channel import Channel, ChannelResult, RadioMedium, Received, Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.stack import ReceiverStack
@@ -48,8 +49,8 @@ class V2xDrive:
     ...     result = drive.send(channel, step, step.sent)  # or other messages instead
 
     v2x, seed, origin: those of the scenario. stations: names of all vehicles with a radio, by station id.
-    listeners: the instrumented ones among them. until_ns: steps after the one that contains this time are not
-    read. Raises UsageError for a bag without V2X.
+    listeners: the instrumented ones among them. artery_timeout_s: see the section `artery`. until_ns: steps
+    after the one that contains this time are not read. Raises UsageError for a bag without V2X.
     """
 
     def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
@@ -58,6 +59,7 @@ class V2xDrive:
                 raise UsageError(f"{reader.path} has no {topic.name}, so there is no V2X to replay")
         self._reader, self._until_ns = reader, until_ns
         info: V2xInfo = read_scenario_info(reader, V2xInfo)
+        self.artery_timeout_s = info.artery.timeout_s
         self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
         self.start_ns = info.simulation.start_ns
         self.stations = read_stations(reader, until_ns)
@@ -68,12 +70,14 @@ class V2xDrive:
         """The map's frame on the Earth."""
         return Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
 
-    def channel(self, decoder: Callable[[bytes], CamTree] | None = None) -> Channel:
+    def channel(
+        self, decoder: Callable[[bytes], CamTree] | None = None, medium: RadioMedium | None = None
+    ) -> Channel:
         """The medium and the Local Dynamic Maps in their state at the start of the drive.
 
-        decoder: see `Channel`. The medium is ours, with the settings of the recording, also for a drive that
-        Artery simulated. Raises UsageError for a drive with a network of somebody else's, which may mean
-        anything by these settings.
+        decoder: see `Channel`. medium: ours by default, with the settings of the recording, also for a drive
+        that Artery simulated (see `radio.py`). Raises UsageError for a drive with a network of somebody
+        else's, which may mean anything by these settings.
         """
         if self.v2x.network not in REPLAYED:
             raise UsageError(
@@ -81,7 +85,8 @@ class V2xDrive:
                 "replayed through the embedded network only"
             )
         stack = ReceiverStack(self.v2x, self.seed, self.start_ns) if self.v2x.has_packets else None
-        return Channel(self.v2x, self.seed, self.geodesy, self.listeners, self._buildings(), decoder, stack)
+        buildings = self._buildings() if medium is None else None
+        return Channel(self.v2x, self.seed, self.geodesy, self.listeners, buildings, decoder, stack, medium)
 
     def steps(self) -> Iterator[V2xStep]:
         """Yield all steps of the drive, as `read_steps` does."""
@@ -104,6 +109,11 @@ class V2xDrive:
         if step.end_ns is None:
             return channel.finish(step.begin_ns, stations)
         return channel.advance(step.end_ns, stations, sent)
+
+    @property
+    def path(self) -> Path:
+        """The bag."""
+        return self._reader.path
 
     def _buildings(self) -> Buildings | None:
         if V2X_BUILDINGS.name not in self._reader.topics:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,8 @@ class Medium:
     A message's outcome is known once the medium has advanced past its end; that of one sent just before the
     end of a step comes with the next step. Dividing the same time into other steps changes nothing.
     """
+
+    tells_why: ClassVar[bool] = True
 
     def __init__(self, radio: Radio, seed: int, buildings: Buildings | None = None) -> None:
         draws = Draws(seed)
