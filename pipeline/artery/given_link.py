@@ -12,7 +12,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 
 LOCALHOST = "127.0.0.1"
 POLL_S = 0.2
-TOO_OLD = "GivenWorld"
+TOO_OLD = "GivenWorld' not found"
 """What Artery misses if its module is of a version that could not do this."""
 
 
