@@ -9,9 +9,8 @@ from pydantic import Field
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.document import LONGEST_TEXT, Document, read_json
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.core.section import Name, Positive
+from advpipe.pipeline.core.section import Name
 from advpipe.pipeline.messages.topics import SCENARIO_INFO
-from advpipe.pipeline.scenario.artery import Artery
 from advpipe.pipeline.scenario.map import GeoOrigin
 from advpipe.pipeline.scenario.sensors import Sensors
 from advpipe.pipeline.scenario.simulation import Simulation
@@ -30,16 +29,10 @@ class FilterInfo(Document):
     simulation: Simulation
 
 
-class _ArteryInfo(Document):
-    timeout_s: Positive = Artery.model_fields["timeout_s"].default
-
-
 class V2xInfo(Document):
-    """What radio and maps depend on. vehicles: the instrumented ones, by name. artery: how long it may take;
-    which program it is, a bag cannot say."""
+    """What radio and maps depend on. vehicles: the instrumented ones, by name."""
 
     v2x: V2x
-    artery: _ArteryInfo = Field(default_factory=_ArteryInfo)
     map: _Map
     simulation: Simulation
     vehicles: dict[Name, object]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 from advpipe.pipeline.bag.footprints import footprints_of_text
@@ -49,8 +48,8 @@ class V2xDrive:
     ...     result = drive.send(channel, step, step.sent)  # or other messages instead
 
     v2x, seed, origin: those of the scenario. stations: names of all vehicles with a radio, by station id.
-    listeners: the instrumented ones among them. artery_timeout_s: see the section `artery`. until_ns: steps
-    after the one that contains this time are not read. Raises UsageError for a bag without V2X.
+    listeners: the instrumented ones among them. until_ns: steps after the one that contains this time are not
+    read. Raises UsageError for a bag without V2X.
     """
 
     def __init__(self, reader: BagReader, until_ns: int | None = None) -> None:
@@ -59,7 +58,6 @@ class V2xDrive:
                 raise UsageError(f"{reader.path} has no {topic.name}, so there is no V2X to replay")
         self._reader, self._until_ns = reader, until_ns
         info: V2xInfo = read_scenario_info(reader, V2xInfo)
-        self.artery_timeout_s = info.artery.timeout_s
         self.v2x, self.origin, self.seed = info.v2x, info.map.origin, info.simulation.seed
         self.start_ns = info.simulation.start_ns
         self.stations = read_stations(reader, until_ns)
@@ -76,7 +74,7 @@ class V2xDrive:
         """The medium and the Local Dynamic Maps in their state at the start of the drive.
 
         decoder: see `Channel`. medium: ours by default, with the settings of the recording, also for a drive
-        that Artery simulated (see `radio.py`). Raises UsageError for a drive with a network of somebody
+        that Artery simulated. Raises UsageError for a drive with a network of somebody
         else's, which may mean anything by these settings.
         """
         if self.v2x.network not in REPLAYED:
@@ -109,11 +107,6 @@ class V2xDrive:
         if step.end_ns is None:
             return channel.finish(step.begin_ns, stations)
         return channel.advance(step.end_ns, stations, sent)
-
-    @property
-    def path(self) -> Path:
-        """The bag."""
-        return self._reader.path
 
     def _buildings(self) -> Buildings | None:
         if V2X_BUILDINGS.name not in self._reader.topics:

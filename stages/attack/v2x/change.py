@@ -33,7 +33,6 @@ from advpipe.pipeline.messages.v2x import (
     sent_message,
     stations_message,
 )
-from advpipe.pipeline.replay.radio import OpenRadio, radio_of
 from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
@@ -52,6 +51,7 @@ from advpipe.stages.attack.v2x.identities import StationIdentities
 from advpipe.stages.attack.v2x.labels import Labels
 from advpipe.stages.attack.v2x.object_labels import ObjectLabels
 from advpipe.stages.attack.v2x.packets import AttackedPackets
+from advpipe.stages.attack.v2x.radio import OpenRadio, radio_of
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
@@ -75,7 +75,7 @@ def forge(
     parameters, a schedule outside the recording, and `dcc_reacts` without congestion control.
     """
     drive = V2xDrive(reader)
-    radio = radio_of(drive, network)
+    radio = radio_of(reader, drive, network)
     if dcc_reacts and drive.v2x.cam.dcc == "none":
         raise UsageError(
             f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none), so none "

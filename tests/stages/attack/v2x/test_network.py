@@ -145,13 +145,7 @@ def test_attackers_are_those_of_our_radio(drive: Path, tmp_path: Path) -> None:
     """The radio changes who hears a message, and nothing of what is sent."""
     sent = dict[str, list[Sent]]()
     for network in ("artery", "embedded"):
-        request = AttackRequest(
-            (
-                spec("cam-position-offset", attackers=Attackers(share=0.2)).model_copy(
-                    update={"network": network}
-                ),
-            )
-        )
-        attack(drive, tmp_path / network, request)
+        one = spec("cam-position-offset", attackers={"share": 0.2}, network=network)
+        attack(drive, tmp_path / network, AttackRequest((one,)))
         sent[network] = [one for step in steps_of(tmp_path / network) for one in step.sent]
     assert sent["artery"] == sent["embedded"]
