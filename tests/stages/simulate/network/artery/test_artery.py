@@ -98,7 +98,9 @@ def test_an_attack_through_artery_is_like_ours(tmp_path: Path, radio: str) -> No
         print(f"{type}: at most {apart.max():.1f} points apart", np.round(shares[0], 1).tolist())
         assert apart.max() < 5
     never = through("artery", "cam-position-offset", schedule={"from_s": 14.9})
-    assert through("artery", "cam-position-offset") == never
+    offset = through("artery", "cam-position-offset")
+    for key in ("pairs", "received", "outcomes"):  # delays differ, as false path histories are shorter
+        assert offset[key] == never[key]
 
 
 def test_stations_are_where_and_when_they_say(tmp_path: Path) -> None:
