@@ -26,7 +26,7 @@ LAYERS = (
     {"messages"},
     {"sensors"},
     {"scenario"},
-    {"bag", "baselines", "birds_eye", "labels", "live", "results", "viewer"},
+    {"artery", "bag", "baselines", "birds_eye", "labels", "live", "results", "viewer"},
     {"image_labels", "replay", "dataset", "detector", "image_detector", "viewer_layouts"},
     {"attack_detection", "defences"},
     {"adversary", "audit"},

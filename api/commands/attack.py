@@ -29,6 +29,7 @@ def attack(
     victim: str | None = AttackOptions.victim,
     dcc_reacts: bool = AttackOptions.dcc_reacts,
     credentials: str = AttackOptions.credentials,
+    network: str = AttackOptions.network,
     from_s: float = AttackOptions.from_s,
     to_s: float | None = AttackOptions.to_s,
     lidar: str | None = AttackOptions.lidar,
@@ -56,7 +57,8 @@ def attack(
     vehicle's id or several, `20%`, or `rsu:X,Y` in metres. victim: the vehicle whose sensors are attacked, or
     that false CAMs target. dcc_reacts: whether other stations' congestion control drops CAMs when an attack
     fills the channel. credentials: what V2X attackers sign with where the drive is signed: `ticket`, or as
-    outsiders `none`, `untrusted`, `expired` or `stolen`. from_s, to_s: when, in seconds of the recording.
+    outsiders `none`, `untrusted`, `expired` or `stolen`. network: whose radio sends the messages of V2X and
+    GPS attacks, `embedded` or `artery`. from_s, to_s: when, in seconds of the recording.
     lidar: the topic of the clouds, among several. frames: `start:stop:step`, which clouds the bag then holds.
     detector: a shipped name, a .safetensors file, or `module:Class`; several joined by commas are an
     ensemble. device: where it computes, `cpu`, `cuda` or `cuda:N`. lidar_height_m, level, scale_intensity:
@@ -101,6 +103,7 @@ def attack(
                 "victim": victim,
                 "dcc_reacts": dcc_reacts,
                 "credentials": credentials,
+                "network": network,
                 "lidar": lidar,
                 "frames": frames,
                 "detector": detector,

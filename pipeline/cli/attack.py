@@ -56,6 +56,7 @@ def attack_command(
         bool, cli_option(AttackOptions, "dcc_reacts", "--dcc-reacts")
     ] = AttackOptions.dcc_reacts,
     credentials: Annotated[str, cli_option(AttackOptions, "credentials")] = AttackOptions.credentials,
+    network: Annotated[str, cli_option(AttackOptions, "network")] = AttackOptions.network,
     from_s: Annotated[float, cli_option(AttackOptions, "from_s", "--from")] = AttackOptions.from_s,
     to_s: Annotated[
         float | None, cli_option(AttackOptions, "to_s", "--to", show_default="of the recording")
@@ -93,6 +94,7 @@ def attack_command(
         victim=victim,
         dcc_reacts=dcc_reacts,
         credentials=credentials,
+        network=network,
         from_s=from_s,
         to_s=to_s,
         lidar=lidar,

@@ -38,6 +38,11 @@ class AttackOptions:
         "What V2X attackers sign with, where a drive is signed: ticket (an insider), or as outsiders none, "
         "untrusted, expired or stolen (a certificate without its key).",
     )
+    network: str = option(
+        "embedded",
+        "The radio that sends the messages of a V2X or GPS attack: embedded (ours, with the settings of the "
+        "recording) or artery (docs/artery.md).",
+    )
     from_s: float = option(0.0, "Start of the attack, in seconds since the start of the recording.")
     to_s: float | None = option(None, "End of the attack, in seconds since the start of the recording.")
     lidar: str | None = options.lidar_topic()

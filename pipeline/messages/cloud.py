@@ -20,6 +20,12 @@ POINT_DTYPE = np.dtype(
 """One point, 22 bytes, in the layout of the velodyne driver: metres, intensity in [0, 1], channel counted
 from the lowest, seconds after the cloud's stamp."""
 
+SEMANTIC_POINT_DTYPE = np.dtype(
+    [*((name, "<f4") for name in ("x", "y", "z", "CosAngle")), ("ObjIdx", "<u4"), ("ObjTag", "<u4")]
+)
+"""What a ray hits, with the fields of CARLA's ROS bridge: metres, cosine of the angle to the surface's
+normal, the number of the actor (0: none), and its semantic tag."""
+
 
 def xyz(cloud: Cloud) -> npt.NDArray[np.float32]:
     """Coordinates (N, 3) float32 of a cloud (N,), as a copy."""
@@ -130,7 +136,7 @@ class _Layout(NamedTuple):
 
 _LENGTH = struct.Struct("<I")
 _POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-_OWN_FIELD_TYPES = {"f4": 7, "u2": 4, "u1": 2}
+_OWN_FIELD_TYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
 
 
 def _point_cloud2(

@@ -14,6 +14,7 @@ PUBLISHED_NAMES: Mapping[str, tuple[tuple[re.Pattern[str], str], ...]] = {
     ADVPIPE: (),
     CARLA_ROS_BRIDGE: (
         (re.compile(f"/({_NAME})/({_NAME})/points"), r"/carla/\1/\2"),
+        (re.compile(f"/({_NAME})/ground_truth/({_NAME})/semantic_points"), r"/carla/\1/semantic_\2"),
         (re.compile(f"/({_NAME})/({_NAME})/image/compressed"), r"/carla/\1/\2/image"),
         (re.compile(f"/({_NAME})/({_NAME})/camera_info"), r"/carla/\1/\2/camera_info"),
         (re.compile(f"/({_NAME})/(?:rgb_)?({_NAME})/({_TRUTH})/compressed"), r"/carla/\1/\3_\2/image"),

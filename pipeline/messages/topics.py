@@ -75,6 +75,12 @@ class VehicleTopics:
         return Topic(f"/{self.vehicle}/{self.lidar}/points", "sensor_msgs/msg/PointCloud2", keep_last(5))
 
     @property
+    def semantic_points(self) -> Topic:
+        """What the rays of a LiDAR hit, as CARLA's semantic LiDAR tells it."""
+        name = f"/{self.vehicle}/ground_truth/{self.lidar}/semantic_points"
+        return Topic(name, "sensor_msgs/msg/PointCloud2", keep_last(5))
+
+    @property
     def objects(self) -> Topic:
         return Topic(f"/{self.vehicle}/ground_truth/objects", "vision_msgs/msg/Detection3DArray")
 

@@ -15,7 +15,7 @@ from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages.message_bounds import LATEST_NS
 from advpipe.pipeline.messages.topics import SCENARIO_INFO, V2X_BUILDINGS, V2X_PACKETS, V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.messages.v2x import RadioPlace, sent_of_message, stations_of, stations_of_message
-from advpipe.pipeline.v2x.channel import Channel, ChannelResult, Received, Sent
+from advpipe.pipeline.v2x.channel import Channel, ChannelResult, RadioMedium, Received, Sent
 from advpipe.pipeline.v2x.codec.codec import CamTree
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.stack import ReceiverStack
@@ -68,12 +68,14 @@ class V2xDrive:
         """The map's frame on the Earth."""
         return Geodesy(self.origin.latitude_deg, self.origin.longitude_deg, self.origin.altitude_m)
 
-    def channel(self, decoder: Callable[[bytes], CamTree] | None = None) -> Channel:
+    def channel(
+        self, decoder: Callable[[bytes], CamTree] | None = None, medium: RadioMedium | None = None
+    ) -> Channel:
         """The medium and the Local Dynamic Maps in their state at the start of the drive.
 
-        decoder: see `Channel`. The medium is ours, with the settings of the recording, also for a drive that
-        Artery simulated. Raises UsageError for a drive with a network of somebody else's, which may mean
-        anything by these settings.
+        decoder: see `Channel`. medium: ours by default, with the settings of the recording, also for a drive
+        that Artery simulated. Raises UsageError for a drive with a network of somebody
+        else's, which may mean anything by these settings.
         """
         if self.v2x.network not in REPLAYED:
             raise UsageError(
@@ -81,7 +83,8 @@ class V2xDrive:
                 "replayed through the embedded network only"
             )
         stack = ReceiverStack(self.v2x, self.seed, self.start_ns) if self.v2x.has_packets else None
-        return Channel(self.v2x, self.seed, self.geodesy, self.listeners, self._buildings(), decoder, stack)
+        buildings = self._buildings() if medium is None else None
+        return Channel(self.v2x, self.seed, self.geodesy, self.listeners, buildings, decoder, stack, medium)
 
     def steps(self) -> Iterator[V2xStep]:
         """Yield all steps of the drive, as `read_steps` does."""

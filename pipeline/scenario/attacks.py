@@ -36,6 +36,9 @@ Value = Any
 Credentials = Literal["ticket", "none", "untrusted", "expired", "stolen"]
 """What attackers sign with: a valid ticket, as insiders; or nothing that receivers accept, as outsiders."""
 
+RadioOf = Literal["embedded", "artery"]
+"""Whose radio medium sends the messages of a recorded drive again."""
+
 LARGEST_NUMBER = 1e15
 """The largest absolute value of a parameter: larger ones lose digits in double precision."""
 
@@ -154,6 +157,7 @@ class AttackSpec(Section):
     )
     dcc_reacts: Switch = _shared("dcc_reacts")
     credentials: Credentials = _shared("credentials")
+    network: RadioOf = _shared("network")
     lidar: Reference | None = _shared("lidar")
     frames: Reference = _shared("frames", "For a LiDAR attack.")
     detector: str = _shared("detector", "The detector that a LiDAR attack targets.", max_length=4096)

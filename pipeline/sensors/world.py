@@ -96,11 +96,13 @@ class Surroundings(Protocol):
 class Scan:
     """One turn of a LiDAR that the world itself simulates.
 
-    cloud: in the LiDAR's frame. occlusion: (M,) of M road users, as in `Hits`.
+    cloud: in the LiDAR's frame. occlusion: (M,) of M road users, as in `Hits`. semantic: the same turn as
+    points of `SEMANTIC_POINT_DTYPE`, where the drive records them.
     """
 
     cloud: Cloud
     occlusion: Float32
+    semantic: Cloud | None = None
 
 
 @runtime_checkable

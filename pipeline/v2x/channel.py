@@ -101,7 +101,11 @@ class ChannelResult:
 
 
 class RadioMedium(Protocol):
-    """`Medium`, or what takes its place."""
+    """`Medium`, or what takes its place. tells_why: whether it says why a message does not reach a station;
+    if not, the outcome `WEAK` stands for all reasons."""
+
+    @property
+    def tells_why(self) -> bool: ...
 
     def advance(self, until_ns: int, stations: Stations, transmissions: Transmissions) -> Step:
         """See `Medium.advance`."""
@@ -130,7 +134,7 @@ class Channel:
     ) -> None:
         self._decoder, self._stack = decoder, stack
         self._v2x, self._seed = v2x, seed
-        self._medium = Medium(v2x.radio, seed, buildings) if medium is None else medium
+        self._medium: RadioMedium = Medium(v2x.radio, seed, buildings) if medium is None else medium
         self._geodesy = geodesy
         self._listeners: dict[int, str] = {}
         self._clock_errors_ns: dict[str, int] = {}
@@ -191,7 +195,8 @@ class Channel:
 
     def statistics(self) -> Statistics:
         """The statistics so far, or since `restart_statistics`."""
-        return self._tally.statistics()
+        found = self._tally.statistics()
+        return found if self._medium.tells_why else found.without_reasons()
 
     def restart_statistics(self) -> None:
         """Reset the counts; messages on the air stay there."""
@@ -309,4 +314,5 @@ def _transmissions(sent: Sequence[Sent], overhead_bytes: int) -> Transmissions:
             np.int64,
         ),
         power_dbm=np.array([message.power_dbm for message in sent], np.float64),
+        contents=tuple(message.packet or message.payload for message in sent),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -115,6 +115,12 @@ class Statistics:
             reasons = sorted(self.rejected.items(), key=lambda item: (-item[1], item[0]))
             lines.append(("messages rejected", ", ".join(f"{count} {reason}" for reason, count in reasons)))
         return lines
+
+    def without_reasons(self) -> Statistics:
+        """These, where nobody knows why a message did not reach a station: it is `lost`."""
+        kept = {name: self.outcomes[name] for name in ("received", "own")}
+        lost = sum(self.outcomes.values()) - sum(kept.values())
+        return replace(self, outcomes={**kept, "lost": lost})
 
     def to_json(self) -> str:
         """All values as one JSON document; without `others` and `rejected` where there are none."""

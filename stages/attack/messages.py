@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS
-from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.pipeline.scenario.attacks import AttackSpec, RadioOf
 from advpipe.stages.attack.change import Change
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ def change_messages(
         from advpipe.stages.attack.v2x.change import forge
 
         dcc_reacts = any(spec.dcc_reacts for spec in v2x)
-        changes.append(forge(reader, v2x, seed, editors, dcc_reacts=dcc_reacts, debug=debug))
+        network: RadioOf = "artery" if "artery" in {spec.network for spec in (*gnss, *v2x)} else "embedded"
+        changes.append(forge(reader, v2x, seed, editors, dcc_reacts=dcc_reacts, network=network, debug=debug))
     if radar:
         from advpipe.stages.attack.radar.change import attack_radars
 

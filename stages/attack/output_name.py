@@ -55,6 +55,8 @@ def _one_id(spec: AttackSpec) -> str:
             parts.append(name if value is True else f"{name}{_short(value)}")
     if spec.credentials != AttackSpec.model_fields["credentials"].default:
         parts += ["credentials", spec.credentials]
+    if spec.network != AttackSpec.model_fields["network"].default:
+        parts.append(spec.network)
     return "-".join(parts)
 
 

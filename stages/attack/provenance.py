@@ -30,6 +30,7 @@ LIDAR = (
 """The code that determines which clouds change, and how."""
 
 MESSAGES = (
+    "pipeline/artery",
     "pipeline/bag",
     "pipeline/labels",
     "pipeline/messages",

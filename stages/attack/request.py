@@ -107,7 +107,7 @@ def image_detectors_of(spec: AttackSpec) -> tuple[str, ...]:
 
 def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     attack_class = find_attack(spec.type)
-    foreign = {key for base in BASES if base.family != attack_class.family for key in base.own_keys}
+    foreign = {key for base in BASES for key in base.own_keys} - set(attack_class.own_keys)
     plain = spec.model_dump(mode="json", exclude=foreign)
     plain["declared"] = declaration_of(spec).plain()
     plain["attack_sha256"] = source_sha256(attack_class)
@@ -118,8 +118,9 @@ def _resolved(spec: AttackSpec, device: str) -> dict[str, Any]:
     if detectors := image_detectors_of(spec):
         plain["image_detector_sha256"] = {name: image_detector_sha256(name) for name in detectors}
     if attack_class.family != "lidar":
-        if plain.get("credentials") == AttackSpec.model_fields["credentials"].default:
-            del plain["credentials"]  # the record of an insider's attack does not mention it
+        for key in ("credentials", "network"):
+            if plain.get(key) == AttackSpec.model_fields[key].default:
+                del plain[key]  # the record of an insider's attack through our radio does not mention it
         return plain
     for key in ADAPTING_KEYS:
         if plain[key] == AttackSpec.model_fields[key].default:

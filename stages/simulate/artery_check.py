@@ -6,12 +6,12 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from advpipe.pipeline.artery.process import artery_program
 from advpipe.pipeline.core.errors import AdvpipeError, one_line
 from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.artery import Artery
 from advpipe.pipeline.v2x.statistics import Statistics
-from advpipe.stages.simulate.network.artery.process import artery_program
 from advpipe.stages.simulate.run import simulate
 
 SCENARIO = "smoke"

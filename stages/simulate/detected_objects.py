@@ -9,6 +9,7 @@ import numpy as np
 from advpipe.pipeline.detector.protocol import ObjectDetector
 from advpipe.pipeline.geometry.boxes import CLASSES, Boxes
 from advpipe.pipeline.geometry.transforms import Float64
+from advpipe.pipeline.mcap.channel import Topic
 from advpipe.pipeline.messages.cloud import cloud_from_cdr
 from advpipe.stages.simulate.instrumented import Instrumented, VehicleSnapshot
 
@@ -18,6 +19,10 @@ KEPT_S = 1.0
 NEWEST_SHARE = 0.4
 """Of a track's velocity, by its newest displacement; single displacements are noisy."""
 CLOUDS = "sensor_msgs/msg/PointCloud2"
+
+
+def _is_sensed(topic: Topic) -> bool:
+    return topic.type == CLOUDS and "/ground_truth/" not in topic.name
 
 
 @dataclass
@@ -43,7 +48,7 @@ class DetectedObjects:
     def look(self, snapshot: VehicleSnapshot, map_SE3_base: Float64, now_s: float) -> None:
         """Detect in the cloud of this step; without one, what was perceived last stays."""
         messages = [message for reading in snapshot.readings for message in reading.messages]
-        clouds = sorted((topic.name, cdr) for topic, cdr, _ in messages if topic.type == CLOUDS)
+        clouds = sorted((topic.name, cdr) for topic, cdr, _ in messages if _is_sensed(topic))
         if not clouds:
             return
         name, cdr = clouds[0]

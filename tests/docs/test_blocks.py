@@ -29,7 +29,7 @@ from advpipe.pipeline.scenario.attacks import attack_spec
 from advpipe.stages.attack.registry import default_budget
 from advpipe.stages.attack.request import AttackRequest
 
-BUILD = "stages/simulate/network/artery/build.sh"
+BUILD = "pipeline/artery/build.sh"
 OTHER_PROGRAMS = {BUILD, "export", "apt-get", "dnf", "pacman", "pip", "python", "python3"}
 INTERNAL = ("pipeline", "stages", "commands")
 """Parts of `advpipe` that are not for users."""

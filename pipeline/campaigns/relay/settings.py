@@ -64,7 +64,7 @@ class RelaySettings(Section):
         if len(set(topics)) < len(topics):
             raise ValueError("two of the topics are the same")
         for spec in self.attacks:
-            for key in ("lidar", "frames", "dcc_reacts"):
+            for key in ("lidar", "frames", "dcc_reacts", "network"):
                 if getattr(spec, key) != AttackSpec.model_fields[key].default:
                     raise ValueError(f"{spec.type}: a relay has no use for {key}; leave it out")
         return self

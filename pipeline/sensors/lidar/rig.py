@@ -23,13 +23,14 @@ class LidarView:
     """The measurements of a vehicle's LiDARs in one step, and the ground truth of M road users in range.
 
     clouds: by LiDAR. boxes: in the map frame. lidar_points: (M,) int64, number of points on each, in all
-    clouds. occlusion: (M,) in [0, 1], for the LiDAR with the best view.
+    clouds. occlusion: (M,) in [0, 1], for the LiDAR with the best view. semantic: by LiDAR, see `Scan`.
     """
 
     clouds: Mapping[str, Cloud]
     boxes: Boxes
     lidar_points: npt.NDArray[np.int64]
     occlusion: Float64
+    semantic: Mapping[str, Cloud]
 
 
 class LidarRig:
@@ -62,12 +63,15 @@ class LidarRig:
         boxes = world.road_users(self._range_m)
         twist = np.concatenate([motion.base_velocity_mps, motion.turn_rate_radps])
         clouds: dict[str, Cloud] = {}
+        semantic: dict[str, Cloud] = {}
         points, occlusion = np.zeros(len(boxes.ids), np.int64), np.ones(len(boxes.ids))
         for name, lidar in due.items():
             map_SE3_lidar = motion.map_SE3_base @ lidar.base_SE3_lidar
             if isinstance(world, ScanningSurroundings):
                 scan = world.scan(name, self._range_m)
                 clouds[name], hidden = scan.cloud, scan.occlusion
+                if scan.semantic is not None:
+                    semantic[name] = scan.semantic
             else:
                 hits = world.cast(lidar.rays(motion.map_SE3_base, twist), self._range_m)
                 rng = named_generator(self._seed, "lidar", self._vehicle, name, instant.frame)
@@ -76,4 +80,4 @@ class LidarRig:
             in_lidar = boxes.transformed(invert(map_SE3_lidar))
             points += count_points(lidar.undistorted(clouds[name], twist), in_lidar.geometry)
             occlusion = np.minimum(occlusion, hidden)
-        return LidarView(clouds, boxes, points, occlusion)
+        return LidarView(clouds, boxes, points, occlusion, semantic)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from operator import attrgetter
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class Medium:
     A message's outcome is known once the medium has advanced past its end; that of one sent just before the
     end of a step comes with the next step. Dividing the same time into other steps changes nothing.
     """
+
+    tells_why: ClassVar[bool] = True
 
     def __init__(self, radio: Radio, seed: int, buildings: Buildings | None = None) -> None:
         draws = Draws(seed)

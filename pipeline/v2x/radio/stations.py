@@ -54,6 +54,7 @@ class Transmissions:
     keys: (M,), keys of their random draws; see `draws.message_keys`.
     senders: (M,), ids of the stations. request_ns: (M,), when they are handed to the radio.
     cam_bytes: (M,), length of each CAM. power_dbm: (M,), or None for the configured power.
+    contents: M packets or messages, for a medium that carries their bytes; empty where nobody needs them.
     """
 
     messages: Int64
@@ -62,6 +63,7 @@ class Transmissions:
     request_ns: Int64
     cam_bytes: Int64
     power_dbm: Float64 | None = None
+    contents: tuple[bytes, ...] = ()
 
     def __post_init__(self) -> None:
         columns = (self.keys, self.senders, self.request_ns, self.cam_bytes, self.power_dbm)

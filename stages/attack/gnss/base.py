@@ -88,6 +88,7 @@ class GnssAttack(Attack):
     family = "gnss"
     family_title = "GNSS: replace the GPS fixes of a vehicle"
     usual_options = "--victim ego"
+    own_keys = ("network",)
     traits_type = GnssTraits
     quantities = FIX_QUANTITIES
 

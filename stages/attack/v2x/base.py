@@ -187,7 +187,7 @@ class V2xAttack(Attack):
     family = "v2x"
     family_title = "V2X: change, delay, drop or add messages (CAMs and DENMs)"
     usual_options = "--attacker 20%"
-    own_keys = ("attackers", "dcc_reacts", "credentials")
+    own_keys = ("attackers", "dcc_reacts", "credentials", "network")
     traits_type = V2xTraits
     quantities = MESSAGE_QUANTITIES
 

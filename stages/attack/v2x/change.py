@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from operator import attrgetter
@@ -37,8 +38,8 @@ from advpipe.pipeline.replay.roads import roads_of_bag
 from advpipe.pipeline.replay.v2x_attackers import AttackerSelection
 from advpipe.pipeline.replay.v2x_drive import V2xDrive, V2xStep
 from advpipe.pipeline.scenario.acting import acting_on_messages
-from advpipe.pipeline.scenario.attacks import AttackSpec, Credentials
-from advpipe.pipeline.v2x.channel import Channel, Sent
+from advpipe.pipeline.scenario.attacks import AttackSpec, Credentials, RadioOf
+from advpipe.pipeline.v2x.channel import Channel, RadioMedium, Sent
 from advpipe.pipeline.v2x.message_type import CAM, CPM, MESSAGE_TYPES, message_type_of
 from advpipe.stages.attack.debug import DebugMessages, claims_message
 from advpipe.stages.attack.recording import recording_of
@@ -51,6 +52,7 @@ from advpipe.stages.attack.v2x.identities import StationIdentities
 from advpipe.stages.attack.v2x.labels import Labels
 from advpipe.stages.attack.v2x.object_labels import ObjectLabels
 from advpipe.stages.attack.v2x.packets import AttackedPackets
+from advpipe.stages.attack.v2x.radio import OpenRadio, radio_of
 from advpipe.stages.attack.v2x.registry import V2X_ATTACKS
 
 
@@ -61,18 +63,20 @@ def forge(
     editors: Sequence[MessageEditor] = (),
     *,
     dcc_reacts: bool = False,
+    network: RadioOf = "embedded",
     debug: DebugMessages | None = None,
 ) -> V2xChange:
     """The V2X of a recorded drive after these editors, and then these attacks, changed the sent messages.
 
     dcc_reacts: whether the benign stations' congestion control reacts to the channel load of the attacks
-    (see `Congestion`); otherwise they send what they sent in the recording. debug: takes the claimed
-    positions of the messages that are touched.
+    (see `Congestion`); otherwise they send what they sent in the recording. network: whose radio sends them.
+    debug: takes the claimed positions of the messages that are touched.
 
     Raises AdvpipeError for a bag without V2X or CAMs, an attacker or victim that is not in it, invalid
     parameters, a schedule outside the recording, and `dcc_reacts` without congestion control.
     """
     drive = V2xDrive(reader)
+    radio = radio_of(reader, drive, network)
     if dcc_reacts and drive.v2x.cam.dcc == "none":
         raise UsageError(
             f"{reader.path} was recorded without congestion control (v2x.cam.dcc is none), so none "
@@ -117,7 +121,7 @@ def forge(
     attackers = frozenset(number for attack in built for number in attack.context.attackers)
     congestion = Congestion(drive.v2x, attackers) if dcc_reacts else None
     packets = AttackedPackets(drive, _credentials(attacks, built))
-    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion, packets, debug)
+    return V2xChange(reader, drive, selection, (*editors, *built), labels, congestion, packets, debug, radio)
 
 
 def _credentials(attacks: Sequence[AttackSpec], built: Sequence[V2xAttack]) -> dict[int, Credentials]:
@@ -167,7 +171,9 @@ class V2xChange:
         congestion: Congestion | None,
         packets: AttackedPackets,
         debug: DebugMessages | None = None,
+        radio: OpenRadio = nullcontext,
     ) -> None:
+        self._radio = radio
         self._drive, self._units, self._editors = drive, tuple(selection.units), editors
         self._labels, self._congestion, self._debug = labels, congestion, debug
         self._packets = packets
@@ -230,9 +236,9 @@ class V2xChange:
             counts["CAMs held back by others' congestion control"] = self.held_back
         return counts + self._packets.counts
 
-    def channel(self) -> Channel:
+    def channel(self, medium: RadioMedium | None = None) -> Channel:
         """The channel for the changed messages; CAMs that editors opened or closed are not decoded again."""
-        return self._drive.channel(self._cams.decode)
+        return self._drive.channel(self._cams.decode, medium)
 
     def edited(self, step: V2xStep) -> list[Sent]:
         """The messages that are sent in a step after all edits; called for each step in order."""
@@ -251,7 +257,11 @@ class V2xChange:
 
     def _stamped(self) -> Iterator[StampedCdr]:
         """The messages as the simulation records them: step by step, in the order of stamps."""
-        channel, pending, last_ns = self.channel(), list[StampedCdr](), 0
+        with self._radio() as medium:
+            yield from self._transmitted(self.channel(medium))
+
+    def _transmitted(self, channel: Channel) -> Iterator[StampedCdr]:
+        pending, last_ns = list[StampedCdr](), 0
         for recorded in self._drive.steps():
             step = recorded._replace(radios=(*recorded.radios, *self._units))
             last_ns = step.begin_ns

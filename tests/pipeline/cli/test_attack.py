@@ -68,6 +68,8 @@ def test_options_become_an_attack(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert (spec.attackers.share, spec.victim, spec.schedule.to_s) == (0.1, "ego", 5.0)
     assert not spec.dcc_reacts
     assert requested(bag, monkeypatch, type="cam-dos", dcc_reacts=True).dcc_reacts
+    assert spec.network == "embedded"
+    assert requested(bag, monkeypatch, type="cam-dos", network="artery").network == "artery"
     assert spec.parameters == {}
 
 

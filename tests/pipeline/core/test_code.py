@@ -42,6 +42,7 @@ NO_FIGURE = {
     "pipeline/core/local_processes.py",
     "pipeline/core/leftover_names.py",
     "pipeline/core/lock.py",
+    "pipeline/core/missing_library.py",
     "pipeline/core/lidar_height.py",
     "pipeline/core/nearest.py",
     "pipeline/core/options.py",

@@ -86,6 +86,7 @@ def test_images_are_raw_where_the_bridges_are(names: str) -> None:
         ("/ego/rgb_front/depth/compressed", "/carla/ego/depth_front/image"),
         ("/ego/front/semantic_segmentation/compressed", "/carla/ego/semantic_segmentation_front/image"),
         ("/ego/front/instance_segmentation/compressed", "/carla/ego/instance_segmentation_front/image"),
+        ("/ego/ground_truth/lidar/semantic_points", "/carla/ego/semantic_lidar"),
         ("/ego/radar/points", "/carla/ego/radar"),
         ("/ego/radar/scan", "/ego/radar/scan"),
         ("/ego/ground_truth/front/instances", "/ego/ground_truth/front/instances"),

@@ -40,6 +40,10 @@ def test_what_attackers_sign_with_is_in_the_name():
     assert names == ["cam-drop", "cam-drop-credentials-none"]
 
 
+def test_another_radio_is_in_the_name():
+    assert attack_id(request(type="cam-drop", parameters={}, network="artery")) == "cam-drop-artery"
+
+
 def reader_of(path, *lidars):
     with BagWriter(path, provenance={}) as bag:
         for vehicle, name in lidars:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta, timezone
 
+from advpipe.pipeline.artery.records import Arrival, BusyRatio, NewStation, Transmission
 from advpipe.pipeline.v2x.codec.timestamps import timestamp_its_ms
-from advpipe.stages.simulate.network.artery.records import Arrival, BusyRatio, NewStation, Transmission
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _ITS_EPOCH = datetime(2004, 1, 1, tzinfo=timezone.utc)

@@ -8,11 +8,10 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.simulate.network.artery.clock import DriveClock
-from advpipe.stages.simulate.network.artery.process import ArteryProcess
-from advpipe.stages.simulate.network.artery.records import (
+from advpipe.pipeline.artery.process import ArteryProcess
+from advpipe.pipeline.artery.records import (
     PROTOCOL,
+    Ended,
     Hello,
     Record,
     RecordParser,
@@ -21,6 +20,8 @@ from advpipe.stages.simulate.network.artery.records import (
     VehicleAnswer,
     VehicleQuestion,
 )
+from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.stages.simulate.network.artery.clock import DriveClock
 
 LOCALHOST = "127.0.0.1"
 POLL_S = 0.2
@@ -172,7 +173,7 @@ class ArteryLink:
                 self._hello = record
             elif isinstance(record, StepDone):
                 self.clock.finish_step(record.time_ns)
-            elif not isinstance(record, StepBegun):
+            elif not isinstance(record, (StepBegun, Ended)):
                 self._records.append(self.clock.in_drive(record))
             self._is_its_turn = not isinstance(record, (Hello, StepDone))
             self._changed.notify_all()

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
+from advpipe.pipeline.artery.recorded_medium import RecordedMedium
+from advpipe.pipeline.artery.records import (
+    Arrival,
+    BusyRatio,
+    NewStation,
+    Record,
+    Transmission,
+)
 from advpipe.pipeline.localisation.estimate import Estimate
 from advpipe.pipeline.localisation.geodesy import Geodesy
 from advpipe.pipeline.messages.v2x import RadioPlace, stations_of
@@ -19,14 +26,6 @@ from advpipe.pipeline.v2x.radio.stations import Reception
 from advpipe.pipeline.v2x.stack import ReceiverStack
 from advpipe.pipeline.v2x.statistics import Statistics
 from advpipe.stages.simulate.network.artery.link import ArteryLink
-from advpipe.stages.simulate.network.artery.recorded_medium import RecordedMedium
-from advpipe.stages.simulate.network.artery.records import (
-    Arrival,
-    BusyRatio,
-    NewStation,
-    Record,
-    Transmission,
-)
 from advpipe.stages.simulate.network.protocol import NetworkStep
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 
@@ -95,10 +94,7 @@ class ArteryNetwork:
         return NetworkStep(self._now_ns, received=result.received, rejected=result.rejected)
 
     def statistics(self) -> Statistics | None:
-        found = self.channel.statistics()
-        outcomes = {name: found.outcomes[name] for name in ("received", "own")}
-        lost = sum(found.outcomes.values()) - sum(outcomes.values())
-        return replace(found, outcomes={**outcomes, "lost": lost})  # Artery does not tell why
+        return self.channel.statistics()
 
     def _step(self, until_ns: int) -> NetworkStep:
         ids = {place.station_id for place in self.radios}

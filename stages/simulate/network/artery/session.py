@@ -8,6 +8,8 @@ from types import TracebackType
 
 import shapely
 
+from advpipe.pipeline.artery.process import ArteryProcess, artery_program
+from advpipe.pipeline.artery.records import VehicleAnswer, VehicleQuestion
 from advpipe.pipeline.core.progress import working_on
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.scenario.traffic import SumoServer
@@ -16,8 +18,6 @@ from advpipe.stages.simulate.network.artery.configuration import check_supported
 from advpipe.stages.simulate.network.artery.georeference import georeferenced
 from advpipe.stages.simulate.network.artery.link import ArteryLink
 from advpipe.stages.simulate.network.artery.network import ArteryNetwork
-from advpipe.stages.simulate.network.artery.process import ArteryProcess, artery_program
-from advpipe.stages.simulate.network.artery.records import VehicleAnswer, VehicleQuestion
 from advpipe.stages.simulate.network.equipment import Equipment
 from advpipe.stages.simulate.network.protocol import Network
 from advpipe.stages.simulate.network.session import NetworkSession

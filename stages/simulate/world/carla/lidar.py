@@ -11,7 +11,7 @@ import numpy.typing as npt
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.messages.cloud import POINT_DTYPE, Cloud
+from advpipe.pipeline.messages.cloud import POINT_DTYPE, SEMANTIC_POINT_DTYPE, Cloud
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.lidar.sweep import mounting
 from advpipe.stages.simulate.world.carla.boxes import entry_m
@@ -94,6 +94,13 @@ class CarlaLidar:
         cloud["intensity"] = chosen["intensity"]
         cloud["ring"] = self._section.channels - 1 - channels[order]
         return cloud, actors[order]
+
+    @staticmethod
+    def semantic(truth: Any) -> Cloud:
+        """The points of the semantic LiDAR, right-handed, otherwise as CARLA gives them."""
+        points: Cloud = np.frombuffer(truth.raw_data, SEMANTIC).astype(SEMANTIC_POINT_DTYPE)
+        points["y"] *= -1
+        return points
 
     def turn(self, truth: Any) -> Turn:
         """What each ray of a turn hits first, from the semantic LiDAR."""

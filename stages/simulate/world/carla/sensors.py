@@ -11,6 +11,7 @@ import numpy as np
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.localisation.measurements import SensedMotion
+from advpipe.pipeline.messages.topic_names import CARLA_ROS_BRIDGE
 from advpipe.pipeline.scenario.models import Scenario
 from advpipe.pipeline.sensors.camera.section import CameraSensor
 from advpipe.pipeline.sensors.lidar.section import LidarSensor
@@ -72,11 +73,12 @@ class VehicleSensors:
     """Each sensor is a feed; `take` reads them all for one frame.
 
     is_driven_by_carla: then CARLA's physics moves it, and its IMU measures; it measures nothing of a vehicle
-    that is moved from outside.
+    that is moved from outside. records_semantic: whether the drive records what its semantic LiDARs measure.
     """
 
     def __init__(self, scenario: Scenario, vehicle: str, is_driven_by_carla: bool) -> None:
         self._vehicle, self._has_imu = vehicle, is_driven_by_carla
+        self.records_semantic = scenario.recording.names == CARLA_ROS_BRIDGE
         self._timeout_s, step_s = scenario.carla.timeout_s, scenario.simulation.step_s
         self._mounted: dict[str, MountedInCarla] = {
             name: kind(section, step_s)

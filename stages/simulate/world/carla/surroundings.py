@@ -64,7 +64,7 @@ class CarlaSurroundings:
         actors = np.array([self._world.actor(user) for user in boxes.ids], np.int64)
         map_SE3_lidar = self._carrier.map_SE3_base @ lidar.base_SE3_sensor
         occlusion = lidar.turn(truth).occlusion(boxes.transformed(invert(map_SE3_lidar)), actors)
-        return Scan(cloud, occlusion)
+        return Scan(cloud, occlusion, lidar.semantic(truth) if sensors.records_semantic else None)
 
     def picture(self, name: str, boxes: Boxes) -> Picture:
         camera, images = self._world.sensors(self._carrier.id).pictures(name)

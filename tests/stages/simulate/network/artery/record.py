@@ -1,4 +1,4 @@
-"""Records what a real Artery tells, for the stand-in to play back: made for `exchange.xz`.
+"""Records what a real Artery tells, for stand-ins to play back: it made `exchange.xz` and `attacked.xz`.
 
     record.py OUT PROGRAM -f omnetpp.ini     in the place of PROGRAM, advpipe-artery (artery.program)
     record.py --compress OUT                 afterwards
@@ -16,7 +16,7 @@ import sys
 import threading
 from pathlib import Path
 
-PORT = re.compile(r"(\*\.traci\.nodes\.port = )(\d+)")
+PORT = re.compile(r"(\*\.(?:traci\.nodes|stations)\.port = )(\d+)")
 
 
 def record(out: Path, program: str, arguments: list[str]) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ import pytest
 from advpipe.pipeline.bag.latched import latched_text
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.messages.topics import V2X_STATISTICS
+from advpipe.pipeline.scenario.attacks import AttackSpec
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.facilities.cam_tree import core_of_tree
+from advpipe.stages.attack.run import AttackRequest, attack
 from advpipe.stages.simulate.run import simulate
 
 from .drives import our_instants, scenario, sent_of, stations_of
@@ -34,8 +37,13 @@ def program() -> None:
         pytest.skip("ADVPIPE_ARTERY_BIN names no Artery with advpipe's module")
 
 
-def delivery(bag: Path) -> tuple[np.ndarray, np.ndarray]:
-    found = json.loads(latched_text(BagReader(bag), V2X_STATISTICS.name))
+def statistics(bag: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(latched_text(BagReader(bag), V2X_STATISTICS.name))
+    return found
+
+
+def per_100_m(found: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs and receptions (10,) by distance."""
     pairs, received = (np.array(found[key][:20]).reshape(-1, 2).sum(axis=1) for key in ("pairs", "received"))
     return pairs, received
 
@@ -57,12 +65,40 @@ def test_a_drive_through_artery_is_like_ours(tmp_path: Path, radio: str) -> None
     assert same == total
     shares = {}
     for network in ("artery", "embedded"):
-        pairs, received = delivery(tmp_path / network / "clean")
+        pairs, received = per_100_m(statistics(tmp_path / network / "clean"))
         assert pairs[0] > 1000
         shares[network] = 100 * received / np.maximum(pairs, 1)
     apart = np.abs(shares["artery"] - shares["embedded"])[pairs > 500]
     print(f"reception at most {apart.max():.1f} points apart", np.round(shares["artery"], 1).tolist())
     assert apart.max() < 5
+
+
+@pytest.mark.parametrize("radio", [FREE_SPACE, NAKAGAMI], ids=["free space", "nakagami"])
+def test_an_attack_through_artery_is_like_ours(tmp_path: Path, radio: str) -> None:
+    """The attacked messages through Artery again and through our radio: reception by distance, per 100 m,
+    within five points. A change that leaves the lengths of messages changes nobody's receptions."""
+    simulate(
+        scenario("simulation.duration_s=15", *DRIVE[1:], radio, "v2x.network=artery"), tmp_path / "drive"
+    )
+    clean = tmp_path / "drive" / "clean"
+
+    def through(network: str, type: str, **keys: object) -> dict[str, Any]:
+        plain = {"type": type, "network": network, "attackers": {"share": 0.2}, **keys}
+        out = tmp_path / f"{type} {network} {len(keys)}"
+        attack(clean, out, AttackRequest((AttackSpec.model_validate(plain),)))
+        return statistics(out)
+
+    for type in ("cam-sybil-grid", "cam-replay", "cam-dos"):
+        shares = []
+        for network in ("artery", "embedded"):
+            found = through(network, type)
+            pairs, received = per_100_m(found)
+            shares.append(100 * received / np.maximum(pairs, 1))
+        apart = np.abs(shares[0] - shares[1])[pairs > 500]
+        print(f"{type}: at most {apart.max():.1f} points apart", np.round(shares[0], 1).tolist())
+        assert apart.max() < 5
+    never = through("artery", "cam-speed-constant", schedule={"from_s": 14.9})
+    assert through("artery", "cam-speed-constant") == never
 
 
 def test_stations_are_where_and_when_they_say(tmp_path: Path) -> None:

@@ -6,9 +6,9 @@ from datetime import datetime, timezone
 
 import pytest
 
+from advpipe.pipeline.artery.records import Arrival
 from advpipe.pipeline.v2x.codec.timestamps import generation_delta_time_ms
 from advpipe.stages.simulate.network.artery.clock import DriveClock, artery_date
-from advpipe.stages.simulate.network.artery.records import Arrival
 
 START_NS = 1_767_268_800_000_000_000
 

@@ -1,12 +1,15 @@
-"""A drive through what a real Artery told, which the stand-in plays back: `exchange.xz`.
+"""A drive through what a real Artery told, which the stand-in plays back: `exchange.xz`; and an attack on it,
+whose messages a real Artery sent and received: `attacked.xz`.
 
-It was recorded with `record.py` and `SETTINGS`, by SUMO 1.28.0; with traffic that moves otherwise, the
+They were recorded with `record.py` and `SETTINGS`, by SUMO 1.28.0; with traffic that moves otherwise, the
 vehicles would not be where Artery's stations are.
 """
 
 from __future__ import annotations
 
 import json
+import shlex
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +29,8 @@ from advpipe.stages.simulate.run import simulate
 
 from .drives import our_instants, sent_of, stations_of
 
-EXCHANGE = Path(__file__).parent / "exchange.xz"
+EXCHANGE, ATTACKED = (Path(__file__).parent / name for name in ("exchange.xz", "attacked.xz"))
+AGAIN = Path(__file__).parents[4] / "pipeline" / "artery" / "standin.py"
 SETTINGS = (
     "v2x.network=artery",
     "sensors={lidars: {}, gnss: {}}",
@@ -96,6 +100,31 @@ def test_the_drive_can_be_attacked_through_our_radio(drive: Path, tmp_path: Path
     assert any(one.payload != other.payload for one, other in zip(before, after, strict=True))
     heard = list(BagReader(tmp_path / "attacked").messages(VehicleTopics("ego").received_raw.name))
     assert len(heard) > 50
+
+
+def test_an_attack_goes_through_what_artery_told_of_it(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ghosts' messages leave from their attackers' radios, and a real Artery decided who hears them."""
+    program = tmp_path / "advpipe-artery"
+    command = shlex.join([sys.executable, str(AGAIN), "--play", str(ATTACKED)])
+    program.write_text(f'#!/bin/sh\nexec {command} "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setenv("ADVPIPE_ARTERY_BIN", str(program))
+    keys = {"type": "cam-sybil-grid", "network": "artery", "attackers": {"share": 0.2}}
+    attack(drive, tmp_path / "bag", AttackRequest((AttackSpec.model_validate(keys),)))
+    reader, topics = BagReader(tmp_path / "bag"), VehicleTopics("ego")
+    sent, honest = sent_of(tmp_path / "bag"), {one.number for one in sent_of(drive)}
+    info = [message for _, message in reader.messages(topics.reception_info.name)]
+    heard = [message.number for _, message in reader.messages(topics.true_receptions.name)]
+    assert len(info) == len(heard) == 104
+    assert all(-96 < message.power_dbm < 0 < message.sinr_db for message in info)
+    assert len(set(heard) - honest) > 30
+    assert set(heard) < {one.number for one in sent}
+    found = json.loads(latched_text(reader, V2X_STATISTICS.name))
+    assert found["outcomes"]["own"] == len(sent)
+    assert found["outcomes"]["received"] == sum(found["received"])
+    assert 0.2e-3 < found["delay_mean_s"] < 1e-3
 
 
 def test_a_drive_with_packets_has_arterys(tmp_path: Path, standin: Callable[..., Path]) -> None:

@@ -16,8 +16,10 @@ from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.transforms import se3_from_yaw
-from advpipe.pipeline.messages.cloud import Cloud, xyz
+from advpipe.pipeline.messages.cloud import SEMANTIC_POINT_DTYPE, Cloud, xyz
 from advpipe.pipeline.messages.radar import scan_from_cdr, xyz_of_returns
+from advpipe.pipeline.messages.topic_names import published_name
+from advpipe.pipeline.messages.topics import VehicleTopics
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.stages.simulate.bodies import draw_variants
 from advpipe.stages.simulate.road_network.network import load_network
@@ -120,6 +122,30 @@ def test_carlas_losses_are_set_from_the_scenario(server: Any, scenario_file: Pat
     assert len(few) / len(everything) == pytest.approx(0.75, abs=0.02)
     share = np.isin(rays_of(few), rays_of(everything)).mean()
     assert share == 1.0
+
+
+def test_the_bridges_semantic_lidar_is_recorded(server: Any, scenario_file: Path, tmp_path: Path) -> None:
+    """With the fields of CARLA's ROS bridge; each point of the cloud is among its points."""
+    keys = {"simulation.duration_s": 0.2, "recording.names": "carla_ros_bridge"}
+    bag = drive(tmp_path / "bridge", scenario_file, server, **keys)
+    topics = VehicleTopics("ego", "lidar")
+    frames = list(read_frames(bag))
+    messages = [message for _, message in BagReader(bag).messages(topics.semantic_points.name)]
+    assert len(messages) == len(frames) == 2
+    assert published_name(topics.semantic_points.name, "carla_ros_bridge") == "/carla/ego/semantic_lidar"
+    for frame, message in zip(frames, messages, strict=True):
+        assert [(field.name, field.datatype) for field in message.fields] == [
+            *((name, 7) for name in ("x", "y", "z", "CosAngle")),
+            *(("ObjIdx", 6), ("ObjTag", 6)),
+        ]
+        assert message.header.frame_id == "ego/lidar"
+        points = np.frombuffer(message.data.tobytes(), SEMANTIC_POINT_DTYPE)
+        assert set(map(tuple, np.round(xyz(frame.cloud), 2).tolist())) <= set(
+            map(tuple, np.round(xyz(points), 2).tolist())
+        )
+        assert (np.abs(points["CosAngle"]) <= 1).all()
+        assert len(set(points["ObjIdx"].tolist())) > 2
+        assert len(set(points["ObjTag"].tolist())) > 2
 
 
 @pytest.mark.usefixtures("drives")  # which has the map loaded, so that actors on it stay

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from advpipe.pipeline.artery.recorded_medium import GIVEN_UP_NS, RecordedMedium
 from advpipe.pipeline.v2x.radio.stations import Outcome, Reception, Stations, Transmissions
-from advpipe.stages.simulate.network.artery.recorded_medium import GIVEN_UP_NS, RecordedMedium
 
 STATIONS = Stations(np.array([5, 7, 9]), np.array([[0.0, 0, 1.5], [30, 40, 1.5], [0, 200, 1.5]]))
 

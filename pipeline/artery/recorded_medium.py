@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,9 @@ GIVEN_UP_NS = 1_000_000_000
 """A message that nobody has received after this time reaches nobody any more."""
 
 
-class _Message(NamedTuple):
+class OpenMessage(NamedTuple):
+    """A message whose outcome is not known yet."""
+
     number: int
     sender: int
     request_ns: int
@@ -35,9 +37,13 @@ class RecordedMedium:
     Why a message did not reach a station, Artery does not tell: the outcome is `WEAK` for all reasons.
     """
 
-    _open: dict[int, _Message] = field(default_factory=dict)
+    tells_why: ClassVar[bool] = False
+
+    _open: dict[int, OpenMessage] = field(default_factory=dict)
     _receptions: dict[int, list[Reception]] = field(default_factory=dict)
     _ratios: dict[int, float] = field(default_factory=dict)
+    _now_ns: int = 0
+    """No message arrives before it."""
 
     def note(self, receptions: Iterable[Reception], busy_ratios: Iterable[tuple[int, float]]) -> None:
         """Note receptions up to some time after the coming step's end, and the newest loads of stations."""
@@ -53,23 +59,30 @@ class RecordedMedium:
             transmissions.request_ns.tolist(),
             strict=True,
         ):
-            message = _Message(*values)
+            message = OpenMessage(*values)
             self._open[message.number] = message
         complete = [message for message in self._open.values() if self._is_complete(message, until_ns)]
-        for message in complete:
+        dropped = self._dropped(until_ns, stations)
+        for message in (*complete, *dropped):
             del self._open[message.number]
-        outcomes = self._outcomes(complete, stations)
+        outcomes = self._outcomes(complete, dropped, stations)
         known = [station for station in stations.ids.tolist() if station in self._ratios]
         ratios = np.array([self._ratios[station] for station in known], np.float64)
         return Step(outcomes, (ChannelLoad(until_ns, np.array(known, np.int64), ratios),) if known else ())
 
-    def _is_complete(self, message: _Message, until_ns: int) -> bool:
+    def _is_complete(self, message: OpenMessage, until_ns: int) -> bool:
         receptions = self._receptions.get(message.number)
         if receptions is None:
             return until_ns >= message.request_ns + GIVEN_UP_NS
         return min(reception.arrival_ns for reception in receptions) <= until_ns
 
-    def _outcomes(self, messages: Sequence[_Message], stations: Stations) -> ReceptionOutcomes:
+    def _dropped(self, until_ns: int, stations: Stations) -> list[OpenMessage]:
+        """The messages that are never sent; Artery's own stations send all that they hand to their radios."""
+        return []
+
+    def _outcomes(
+        self, messages: Sequence[OpenMessage], dropped: Sequence[OpenMessage], stations: Stations
+    ) -> ReceptionOutcomes:
         shape = len(messages), len(stations.ids)
         outcome = np.full(shape, Outcome.WEAK, np.uint8)
         power_dbm, sinr_db = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -87,7 +100,7 @@ class RecordedMedium:
                 if (place := column.get(reception.receiver)) is not None:
                     outcome[row, place] = Outcome.RECEIVED
                     power_dbm[row, place], sinr_db[row, place] = reception.power_dbm, reception.sinr_db
-                    arrival_ns[row, place] = reception.arrival_ns
+                    arrival_ns[row, place] = max(reception.arrival_ns, self._now_ns)
         request_ns = np.array([message.request_ns for message in messages], np.int64)
         return ReceptionOutcomes(
             messages=np.array([message.number for message in messages], np.int64),
@@ -101,5 +114,5 @@ class RecordedMedium:
             sinr_db=sinr_db,
             distance_m=distance_m,
             arrival_ns=arrival_ns,
-            dropped=np.empty(0, np.int64),
+            dropped=np.array([message.number for message in dropped], np.int64),
         )

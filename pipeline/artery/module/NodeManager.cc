@@ -2,23 +2,17 @@
 #include "NodeManager.h"
 
 #include <artery/networking/GeoNetPacket.h>
-#include <artery/nic/RadioDriverBase.h>
 #include <artery/utility/Identity.h>
 #include <cmath>
 #include <inet/common/LayeredProtocolBase.h>
 #include <inet/common/ModuleAccess.h>
 #include <inet/linklayer/ieee80211/mac/Ieee80211Mac.h>
-#include <inet/physicallayer/analogmodel/packetlevel/ScalarReception.h>
-#include <inet/physicallayer/common/packetlevel/Radio.h>
-#include <inet/physicallayer/contract/packetlevel/IRadioMedium.h>
-#include <inet/physicallayer/contract/packetlevel/RadioControlInfo_m.h>
 #include <limits>
 #include <traci/API.h>
 
 using namespace omnetpp;
 using artery::Identity;
 using inet::LayeredProtocolBase;
-using inet::physicallayer::IRadioMedium;
 
 namespace advpipe
 {
@@ -40,23 +34,11 @@ cNEDValue date(cComponent*, cNEDValue[], int)
 
 Define_NED_Function(date, "string advpipe_date()");
 
-std::uint64_t ns(const simtime_t& time)
-{
-    return static_cast<std::uint64_t>(time.inUnit(SIMTIME_NS));
-}
-
-double db(double ratio)
-{
-    return 10.0 * std::log10(ratio);
-}
-
-const artery::GeoNetPacket* geonet(cObject* frame)
-{
-    auto packet = dynamic_cast<cPacket*>(frame);
-    return packet ? dynamic_cast<const artery::GeoNetPacket*>(packet->getEncapsulatedPacket()) : nullptr;
-}
-
 } // namespace
+
+NodeManager::NodeManager() : mRadios(mLink, [](const cPacket& packet) { return packet.getTreeId(); })
+{
+}
 
 NodeManager::~NodeManager()
 {
@@ -72,11 +54,10 @@ void NodeManager::initialize()
     BasicNodeManager::initialize();
     mTick = new cMessage("tell advpipe the time");
     mTick->setSchedulingPriority(std::numeric_limits<short>::min()); // as the step of traci::Core
-    for (auto signal : { Identity::changeSignal, artery::RadioDriverBase::ChannelLoadSignal,
-             LayeredProtocolBase::packetReceivedFromUpperSignal, LayeredProtocolBase::packetSentToUpperSignal,
-             IRadioMedium::receptionEndedSignal }) {
+    for (auto signal : { Identity::changeSignal, LayeredProtocolBase::packetReceivedFromUpperSignal }) {
         getSystemModule()->subscribe(signal, static_cast<cListener*>(this));
     }
+    mRadios.listen();
 }
 
 void NodeManager::finish()
@@ -154,73 +135,29 @@ void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, long cha
     auto identity = dynamic_cast<Identity*>(details);
     if (signal == Identity::changeSignal && identity && changes & Identity::ChangeStationId) {
         auto host = inet::getContainingNode(check_and_cast<cModule*>(source));
-        mStations[host->getId()] = identity->application;
+        mRadios.add(*host, identity->application);
         mLink.write(Record('V').number(ns(simTime()), 8).number(identity->application, 4)
                 .real(transmitPowerDbm(host)).text(identity->traci));
     }
 }
 
-void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, double value, cObject*)
+void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, cObject* frame, cObject*)
 {
-    const auto id = station(source);
-    if (signal == artery::RadioDriverBase::ChannelLoadSignal && id >= 0
-            && dynamic_cast<artery::RadioDriverBase*>(source)) {
-        mLink.write(Record('L').number(ns(simTime()), 8).number(id, 4).real(value));
-    }
-}
-
-void NodeManager::receiveSignal(cComponent* source, simsignal_t signal, cObject* object, cObject*)
-{
-    if (signal == LayeredProtocolBase::packetReceivedFromUpperSignal) {
-        if (dynamic_cast<inet::ieee80211::Ieee80211Mac*>(source)) {
-            handedToRadio(source, object);
-        }
-    } else if (signal == LayeredProtocolBase::packetSentToUpperSignal) {
-        auto frame = dynamic_cast<cPacket*>(object);
-        auto packet = geonet(object);
-        if (packet && !frame->hasBitError() && dynamic_cast<inet::physicallayer::Radio*>(source)) {
-            auto seen = dynamic_cast<inet::physicallayer::ReceptionIndication*>(frame->getControlInfo());
-            mSuccess = { source, packet->getTreeId(), seen ? seen->getMinSNIR() : NaN };
-        }
-    } else if (signal == IRadioMedium::receptionEndedSignal) {
-        ended(*check_and_cast<inet::physicallayer::IReception*>(object));
+    if (signal == LayeredProtocolBase::packetReceivedFromUpperSignal && dynamic_cast<inet::ieee80211::Ieee80211Mac*>(source)) {
+        handedToRadio(source, frame);
     }
 }
 
 void NodeManager::handedToRadio(cComponent* mac, cObject* frame)
 {
-    const auto id = station(mac);
-    const auto packet = geonet(frame);
+    const auto id = mRadios.station(mac);
+    const auto packet = dynamic_cast<const artery::GeoNetPacket*>(packetIn(frame));
     if (id < 0 || !packet) {
         return;
     }
     const auto view = create_byte_view(packet->getPayload(), vanetza::OsiLayer::Network, vanetza::OsiLayer::Application);
     mLink.write(Record('S').number(ns(simTime()), 8).number(id, 4).number(packet->getTreeId(), 8)
             .rest(std::string(view.begin(), view.end())));
-}
-
-/// A radio emits this right after it has handed up the frame, if it could decode it.
-void NodeManager::ended(const inet::physicallayer::IReception& reception)
-{
-    auto radio = dynamic_cast<const cComponent*>(reception.getReceiver());
-    if (!radio || mSuccess.radio != radio) {
-        return;
-    }
-    const auto id = station(const_cast<cComponent*>(radio));
-    auto signal = dynamic_cast<const inet::physicallayer::IScalarSignal*>(reception.getAnalogModel());
-    if (id >= 0) {
-        mLink.write(Record('R').number(ns(simTime()), 8).number(id, 4).number(mSuccess.packet, 8)
-                .real(signal ? db(1000.0 * signal->getPower().get()) : NaN).real(db(mSuccess.snir)));
-    }
-    mSuccess.radio = nullptr;
-}
-
-std::int64_t NodeManager::station(cComponent* inside) const
-{
-    auto module = dynamic_cast<cModule*>(inside);
-    auto host = module ? inet::findContainingNode(module) : nullptr;
-    auto found = host ? mStations.find(host->getId()) : mStations.end();
-    return found == mStations.end() ? -1 : static_cast<std::int64_t>(found->second);
 }
 
 double NodeManager::transmitPowerDbm(cModule* host) const

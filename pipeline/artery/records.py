@@ -93,14 +93,24 @@ class BusyRatio(NamedTuple):
     ratio: float
 
 
-Record = Hello | StepBegun | StepDone | VehicleQuestion | NewStation | Transmission | Arrival | BusyRatio
+class Ended(NamedTuple):
+    """A radio has sent a packet; only where advpipe says what is sent (`given_records.py`)."""
+
+    time_ns: int
+    packet_id: int
+
+
+Record = (
+    Hello | StepBegun | StepDone | VehicleQuestion | NewStation | Transmission | Arrival | BusyRatio | Ended
+)
 
 _TIME, _NEW, _SENT = struct.Struct("<q"), struct.Struct("<qId"), struct.Struct("<qIq")
-_ARRIVAL, _LOAD, _LENGTH, _TEXT = (
+_ARRIVAL, _LOAD, _LENGTH, _TEXT, _ENDED = (
     struct.Struct("<qIqdd"),
     struct.Struct("<qId"),
     struct.Struct("<I"),
     struct.Struct("<H"),
+    struct.Struct("<qq"),
 )
 
 
@@ -179,4 +189,5 @@ _KINDS: dict[bytes, Callable[[bytes], Record]] = {
     b"S": _transmission,
     b"R": lambda data: Arrival(*_ARRIVAL.unpack(data)),
     b"L": lambda data: BusyRatio(*_LOAD.unpack(data)),
+    b"E": lambda data: Ended(*_ENDED.unpack(data)),
 }

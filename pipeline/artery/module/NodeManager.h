@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-only
 #pragma once
 
-#include "Link.h"
+#include "Radios.h"
 
-#include <inet/physicallayer/contract/packetlevel/IReception.h>
 #include <map>
 #include <omnetpp.h>
 #include <string>
@@ -12,15 +11,15 @@
 namespace advpipe
 {
 
-/// See NodeManager.ned. The records are those of advpipe's `stages/simulate/network/artery/records.py`.
+/// See NodeManager.ned. The records are those of advpipe's `pipeline/artery/records.py`.
 class NodeManager : public traci::BasicNodeManager
 {
 public:
+    NodeManager();
     ~NodeManager() override;
 
     using traci::Listener::receiveSignal;
     void receiveSignal(omnetpp::cComponent*, omnetpp::simsignal_t, long, omnetpp::cObject*) override;
-    void receiveSignal(omnetpp::cComponent*, omnetpp::simsignal_t, double, omnetpp::cObject*) override;
     void receiveSignal(omnetpp::cComponent*, omnetpp::simsignal_t, omnetpp::cObject*, omnetpp::cObject*) override;
 
 protected:
@@ -33,25 +32,16 @@ protected:
     void removeVehicle(const std::string& id) override;
 
 private:
-    struct Success {
-        const omnetpp::cComponent* radio;
-        long packet;
-        double snir;
-    };
-
     void handedToRadio(omnetpp::cComponent* mac, omnetpp::cObject* frame);
-    void ended(const inet::physicallayer::IReception&);
-    std::int64_t station(omnetpp::cComponent* inside) const;
     double transmitPowerDbm(omnetpp::cModule* host) const;
 
     Link mLink;
+    Radios mRadios;
     omnetpp::cMessage* mTick = nullptr;
     omnetpp::simtime_t mStep;
     double mSumoOffset = 0.0; ///< s, from Artery's time to SUMO's
     bool mHasBegun = false;
     std::map<std::string, omnetpp::simtime_t> mWaiting; ///< vehicles without a station so far, and when they get it
-    std::map<int, std::uint32_t> mStations; ///< station ids by the id of the vehicle's module
-    Success mSuccess { nullptr, 0, 0.0 }; ///< the newest frame that a radio has decoded
 };
 
 } // namespace advpipe

@@ -22,6 +22,21 @@ private:
     std::string mBytes;
 };
 
+/// Takes a record from advpipe apart: its numbers in order, then the rest.
+class RecordReader
+{
+public:
+    explicit RecordReader(const std::string& record) : mBytes(record) {}
+    char kind() const { return mBytes.at(0); }
+    std::uint64_t number(unsigned bytes);
+    double real();
+    std::string rest() const { return mBytes.substr(mPlace); }
+
+private:
+    const std::string& mBytes;
+    std::size_t mPlace = 1;
+};
+
 /// The TCP connection to advpipe. Records are buffered until `flush`; errors throw omnetpp::cRuntimeError.
 class Link
 {
@@ -31,6 +46,7 @@ public:
     void write(const Record&);
     void flush();
     std::string ask(const Record&); ///< waits for the answer: a byte with its length, then its text
+    std::string read(); ///< waits for a record: four bytes with its length, then its bytes
 
 private:
     void receive(char* into, std::size_t bytes);

@@ -37,6 +37,26 @@ Record& Record::text(const std::string& text)
     return rest(text);
 }
 
+std::uint64_t RecordReader::number(unsigned bytes)
+{
+    if (mPlace + bytes > mBytes.size()) {
+        throw cRuntimeError("advpipe sent a record '%c' that is too short", kind());
+    }
+    std::uint64_t value = 0;
+    for (unsigned i = 0; i < bytes; ++i) {
+        value |= static_cast<std::uint64_t>(static_cast<unsigned char>(mBytes[mPlace++])) << 8 * i;
+    }
+    return value;
+}
+
+double RecordReader::real()
+{
+    const std::uint64_t bits = number(8);
+    double value;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 Link::~Link()
 {
     if (mSocket >= 0) {
@@ -93,6 +113,18 @@ std::string Link::ask(const Record& question)
     std::string answer(static_cast<unsigned char>(length), '\0');
     receive(&answer[0], answer.size());
     return answer;
+}
+
+std::string Link::read()
+{
+    std::string length(4, '\0');
+    receive(&length[0], length.size());
+    std::string record(RecordReader("U" + length).number(4), '\0');
+    if (record.empty()) {
+        throw cRuntimeError("advpipe sent an empty record");
+    }
+    receive(&record[0], record.size());
+    return record;
 }
 
 void Link::receive(char* into, std::size_t bytes)

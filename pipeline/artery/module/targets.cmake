@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-only
 set(module ${CMAKE_CURRENT_LIST_DIR})
-add_library(advpipe SHARED ${module}/Link.cc ${module}/NodeManager.cc ${module}/PatientLauncher.cc)
+add_library(advpipe SHARED
+    ${module}/GivenMobility.cc ${module}/GivenStations.cc ${module}/Link.cc ${module}/NodeManager.cc
+    ${module}/PatientLauncher.cc ${module}/Radios.cc ${module}/Sender.cc)
 target_include_directories(advpipe PRIVATE ${module})
 target_link_libraries(advpipe PUBLIC core)
 set_target_properties(advpipe PROPERTIES OUTPUT_NAME artery_advpipe)

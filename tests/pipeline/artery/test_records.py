@@ -6,8 +6,7 @@ import struct
 
 import pytest
 
-from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.stages.simulate.network.artery.records import (
+from advpipe.pipeline.artery.records import (
     LONGEST_RECORD,
     Arrival,
     BusyRatio,
@@ -20,6 +19,7 @@ from advpipe.stages.simulate.network.artery.records import (
     VehicleQuestion,
     parse_record,
 )
+from advpipe.pipeline.core.errors import AdvpipeError
 
 
 def text(words: str) -> bytes:
