@@ -26,7 +26,7 @@ OF_SPINS = frozenset({"turn"})
 OF_BRAKING = frozenset({"dynamics"})
 
 _SPEED_MPS, _SHARE = 0.1, 0.3
-"""How far a change of speed may lie outside of what the claimed accelerations give, and still bears them out."""
+"""By how much a change of speed may miss the claimed accelerations, and still bears them out."""
 
 
 @dataclass

@@ -47,8 +47,8 @@ class ObservedInertia(NamedTuple):
 
 
 class ObservedPose(NamedTuple):
-    """The vehicle's own estimate (4, 4). yaw_stddev_rad: of its heading; place_stddev_m: of its place along the
-    axis that is less sure; both 0 where they are not stated."""
+    """The vehicle's own estimate (4, 4). yaw_stddev_rad: of its heading; place_stddev_m: of its place along
+    the axis that is less sure; both 0 where they are not stated."""
 
     time_ns: int
     map_SE3_base: Float64

@@ -25,7 +25,7 @@ CLOUDS = 3
 """So many clouds in a row have to see through a vehicle: one of dark paint, far away or half hidden, returns
 nothing now and then."""
 LEAST_ERROR_M = 1.0
-"""Of a claimed place as the vehicle sees it: half a metre of each one's GNSS, and the motion since the claim."""
+"""Of a claimed place as the vehicle sees it: of both GNSS, and of the motion since the claim."""
 MOST_CLAIMED_M = 1.0
 """A station that claims to know its place less well is not excused the more."""
 FORGET_NS = 1_000_000_000
@@ -41,8 +41,8 @@ class _Candidate(NamedTuple):
 
 
 class FreeSpaceCue(Cue):
-    """How far the nearest thing that a LiDAR sees is from a claimed box that its rays pass through: in metres,
-    or more than that where the vehicle itself knows its place and heading less well.
+    """How far the nearest thing that a LiDAR sees is from a claimed box that its rays pass through: in
+    metres, and less where the vehicle knows its own place and heading less well.
 
     Zero where something stops the rays; no reading where the box is hidden or too far away. Claims of CAMs
     and objects of CPMs count alike; the suspect is who sent them. Of a CAM's claims the least of `CLOUDS`
