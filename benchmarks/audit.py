@@ -3,10 +3,10 @@
     python benchmarks/audit.py [--drives 3] [--seconds 20] [--attacks cam-dos gnss-bias] [--recipe random]
                                [--keep FOLDER]
 
-Simulates drives on the boulevard with a small LiDAR, a radar and a small camera, attacks each with every attack of the catalogue, and
-audits them, each drive by what the others taught. Prints, for each attack, the probe that its definition does
-not move with the largest area, and all findings; exit code 1 if there is one. With --drives 1, probes learn
-nothing and both directions are tried.
+Simulates drives on the boulevard with a small LiDAR, a radar and a small camera, attacks each with every
+attack of the catalogue, and audits them, each drive by what the others taught. Prints, for each attack, the
+probe that its definition does not move with the largest area, and all findings; exit code 1 if there is one.
+With --drives 1, probes learn nothing and both directions are tried.
 
 About 2 minutes of one core a drive with the recipe random and 20 s, half of it the LiDAR attacks; `best`
 takes ten times as long for those. --keep: the folder for the data sets; what is there already is used again.
