@@ -3,10 +3,10 @@
     python benchmarks/audit.py [--drives 3] [--seconds 20] [--attacks cam-dos gnss-bias] [--recipe random]
                                [--keep FOLDER]
 
-Simulates drives on the boulevard with a small LiDAR, attacks each with every attack of the catalogue, and
-audits them, each drive by what the others taught. Prints, for each attack, the probe that its definition does
-not move with the largest area, and all findings; exit code 1 if there is one. With --drives 1, probes learn
-nothing and both directions are tried.
+Simulates drives on the boulevard with a small LiDAR, a radar and a small camera, attacks each with every
+attack of the catalogue, and audits them, each drive by what the others taught. Prints, for each attack, the
+probe that its definition does not move with the largest area, and all findings; exit code 1 if there is one.
+With --drives 1, probes learn nothing and both directions are tried.
 
 About 2 minutes of one core a drive with the recipe random and 20 s, half of it the LiDAR attacks; `best`
 takes ten times as long for those. --keep: the folder for the data sets; what is there already is used again.
@@ -25,6 +25,7 @@ from advpipe.pipeline.audit.run import audit
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.scenario import load_scenario
 from advpipe.pipeline.scenario.attacks import attack_spec
+from advpipe.stages.attack.camera.registry import CAMERA_ATTACKS
 from advpipe.stages.attack.gnss.registry import GNSS_ATTACKS
 from advpipe.stages.attack.radar.registry import RADAR_ATTACKS
 from advpipe.stages.attack.run import AttackRequest, attack
@@ -36,18 +37,27 @@ OVERRIDES = (
     *("sensors.lidars.lidar.channels=12", "sensors.lidars.lidar.points_per_second=43200"),
     "sensors.lidars.lidar.coordinate_grid_m=0.001953125",
     *("v2x.cpm={}", "sensors.radars={front: {preset: long-range}}"),
+    "sensors.cameras={camera: {preset: front, image_size_x: 160, image_size_y: 90,"
+    " images: [rgb, depth, instance_segmentation]}}",
 )
+SCHEDULE = {"from_s": 4.0, "to_s": 9.0}
+"""Of cameras, whose attacks touch every image of their time."""
+CAMERA = {"camera-patch": {"pattern": "random"}}
 LIDAR = {"attach": {"eps_m": 0.5, "points": 30}, "perturb": {"eps_cm": 5.0}, "detach": {"ratio": 0.02}}
 
 
 def requests(names: list[str], recipe: str) -> dict[str, dict[str, object]]:
-    """Every attack that CAMs, CPMs, fixes, clouds and radar scans can have, by name."""
+    """Every attack that CAMs, CPMs, fixes, clouds, images and radar scans can have, by name."""
     found: dict[str, dict[str, object]] = {
         name: {"type": name, "recipe": recipe, "parameters": parameters, "frames": "::10"}
         for name, parameters in LIDAR.items()
     }
     found |= {name: {"type": name, "victim": "ego"} for name in GNSS_ATTACKS}
     found |= {name: {"type": name, "victim": "ego"} for name in RADAR_ATTACKS}
+    found |= {
+        name: {"type": name, "victim": "ego", "parameters": CAMERA.get(name, {}), "schedule": SCHEDULE}
+        for name in CAMERA_ATTACKS
+    }
     found |= {
         name: {"type": name, "attackers": {"share": 0.2}}
         for name in V2X_ATTACKS

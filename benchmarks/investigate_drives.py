@@ -91,7 +91,14 @@ TUNING_PERCEPTION = (_site("d731", "boulevard", 731, *MESSAGES, duration_s=14),)
 TUNING_CLEAN = (
     _site("d721", "boulevard", 721, "traffic.vehicles=60", duration_s=60),
     _site("d722", "district", 722, "traffic.vehicles=60", duration_s=60),
+    *(
+        _site(
+            f"e{number:02d}", ("boulevard", "district")[number % 2], 740 + number, FEWER_CARS, duration_s=150
+        )
+        for number in range(24)
+    ),
 )
+"""An hour on the tuning maps, so that a rare false alarm of each cue is seen before thresholds are chosen."""
 
 TESTS = (
     _site("t811", "boulevard", 811, *GRID, FEWER_CARS),
@@ -284,6 +291,8 @@ def _sources() -> list[Path]:
     return [path for path in Path(package.__file__ or "").parent.rglob("*.py") if path.name in _DECIDING]
 
 
-_DECIDING = {"situation.py", "observations.py", "judged_scan.py", "map_anchor.py", "evidence_topics.py"} | {
-    f"{name.replace('-', '_')}.py" for name in CUES
+_DECIDING = {
+    *("situation.py", "observations.py", "judged_scan.py", "map_anchor.py", "evidence_topics.py"),
+    *("manoeuvres.py", "sight.py", "seen_vehicles.py"),
+    *(f"{name.replace('-', '_')}.py" for name in CUES),
 }

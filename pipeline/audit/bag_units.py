@@ -11,6 +11,7 @@ import numpy as np
 
 from advpipe.pipeline.audit.chunk_probes import CHUNK_PROBES, ChunkView
 from advpipe.pipeline.audit.fix_probes import FIX_PROBES, FixView
+from advpipe.pipeline.audit.image_probes import IMAGE_PROBES, ImageFile, ImageView
 from advpipe.pipeline.audit.lidar_probes import CLOUD_PROBES, POINT_PROBES
 from advpipe.pipeline.audit.lidar_view import CloudView, LidarHabits
 from advpipe.pipeline.audit.message_probes import CPM_PROBES, MESSAGE_PROBES, STATION_PROBES
@@ -24,6 +25,7 @@ from advpipe.pipeline.bag.carried import lidar_topics
 from advpipe.pipeline.bag.files import mcap_files
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.receptions import receiving_vehicles, recorded_receptions
+from advpipe.pipeline.bag.recorded_cameras import cameras_of
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES, FrameSlice
 from advpipe.pipeline.core.seeding import named_generator
@@ -31,6 +33,7 @@ from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.labels.points import ADDED, REMOVED, PointLabels
 from advpipe.pipeline.mcap.channel import RawMessage
 from advpipe.pipeline.messages import build
+from advpipe.pipeline.messages.compressed_image import image_from_cdr
 from advpipe.pipeline.messages.radar import SCAN_TYPE, scan_from_cdr
 from advpipe.pipeline.v2x.message_type import CAM, CPM, MessageType
 
@@ -66,6 +69,8 @@ def _parts(reader: BagReader, touched: TouchedUnits, most: int) -> Iterator[Unit
         yield from _fixes(reader, topic, touched)
     for topic in reader.topics_of_type(SCAN_TYPE):
         yield from _scans(reader, topic, touched, most)
+    for camera in cameras_of(reader):
+        yield from _images(reader, camera.image_topic, touched)
     if FrameSlice.parse(reader.provenance.fields.frames or "::") != ALL_FRAMES:
         return  # who leaves frames out has other chunks
     chunks = ChunkView.of(mcap_files(reader.path))
@@ -169,3 +174,12 @@ def _scans(reader: BagReader, topic: str, touched: TouchedUnits, most: int) -> I
             is_attacked = np.isin(np.arange(len(view.scan.returns)), own)
             here = np.full(len(is_attacked), cluster)
             yield measured("return", RETURN_PROBES, view, here, is_attacked)
+
+
+def _images(reader: BagReader, topic: str, touched: TouchedUnits) -> Iterator[Units]:
+    files = [ImageFile.of(image_from_cdr(raw.cdr), raw.log_time_ns) for raw in reader.raw_messages([topic])]
+    if not files:
+        return
+    is_attacked = np.array([(topic, file.stamp_ns) in touched.images for file in files], bool)
+    view = ImageView(files)
+    yield measured("image", IMAGE_PROBES, view, view.log_time_ns // CLUSTER_NS, is_attacked)

@@ -9,6 +9,7 @@ from advpipe.pipeline.audit.probe import Probe, Unit
 from advpipe.pipeline.bag.provenance_record import RecordedAttack
 from advpipe.pipeline.labels.declaration import Declaration, Family, Terms
 from advpipe.pipeline.labels.fix_quantities import FIX_QUANTITIES
+from advpipe.pipeline.labels.image_quantities import IMAGE_QUANTITIES
 from advpipe.pipeline.labels.message_quantities import MESSAGE_QUANTITIES, MESSAGES_ADDED
 from advpipe.pipeline.labels.quantities import (
     MAX_DISPLACEMENT,
@@ -29,6 +30,7 @@ _FAMILIES: Mapping[Unit, tuple[Family, ...]] = {
     "fix": ("gnss",),
     "scan": ("radar",),
     "return": ("radar",),
+    "image": ("camera",),
     "chunk": ("lidar", "v2x", "gnss", "radar", "camera"),
 }
 
@@ -76,7 +78,11 @@ def _reason(quantity: str, declared: Declaration) -> str:
         )
     if quantity in OF_MOVED_POINTS and declared.bounds.get(POINTS_MOVED.name) == (0, 0):
         return ""
-    own = {"lidar": cloud_quantities(declared.quantities), "radar": SCAN_QUANTITIES}.get(declared.family, {})
+    own = {
+        "lidar": cloud_quantities(declared.quantities),
+        "radar": SCAN_QUANTITIES,
+        "camera": IMAGE_QUANTITIES,
+    }.get(declared.family, {})
     if quantity in own and quantity not in declared.bounds:
         return f"does not bound the {_meaning(quantity, declared)}"
     return ""
@@ -84,7 +90,7 @@ def _reason(quantity: str, declared: Declaration) -> str:
 
 def _meaning(quantity: str, declared: Declaration) -> str:
     known: list[Mapping[str, Quantity[Any]]] = [
-        *(MESSAGE_QUANTITIES, FIX_QUANTITIES, SCAN_QUANTITIES),
+        *(MESSAGE_QUANTITIES, FIX_QUANTITIES, SCAN_QUANTITIES, IMAGE_QUANTITIES),
         cloud_quantities(declared.quantities),
     ]
     found = next((each[quantity] for each in known if quantity in each), None)

@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 Float64 = npt.NDArray[np.float64]
 
-Unit = Literal["cloud", "point", "message", "station", "cpm", "fix", "scan", "return", "chunk"]
+Unit = Literal["cloud", "point", "message", "station", "cpm", "fix", "scan", "return", "image", "chunk"]
 """What is attacked or clean: a LiDAR cloud, one of its points, a received CAM, the sender of CAMs by the id
-that it claims, a received CPM, a GNSS fix, a radar scan, one of its returns, and a chunk of the file."""
+that it claims, a received CPM, a GNSS fix, a radar scan, one of its returns, a camera image, and a chunk of
+the file."""
 
 V = TypeVar("V", bound=Any)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from advpipe.pipeline.audit.chunk_probes import CHUNK_PROBES
 from advpipe.pipeline.audit.fix_probes import FIX_PROBES
+from advpipe.pipeline.audit.image_probes import IMAGE_PROBES
 from advpipe.pipeline.audit.lidar_probes import CLOUD_PROBES, POINT_PROBES
 from advpipe.pipeline.audit.message_probes import CPM_PROBES, MESSAGE_PROBES, STATION_PROBES
 from advpipe.pipeline.audit.probe import Probe
@@ -20,5 +21,6 @@ PROBES: tuple[Probe[Any], ...] = (
     *FIX_PROBES,
     *SCAN_PROBES,
     *RETURN_PROBES,
+    *IMAGE_PROBES,
     *CHUNK_PROBES,
 )

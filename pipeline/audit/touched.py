@@ -12,7 +12,7 @@ import numpy as np
 from advpipe.pipeline.audit.roc_area import Int64
 from advpipe.pipeline.core.bounded_parquet import flat_columns, rows
 from advpipe.pipeline.core.errors import AdvpipeError
-from advpipe.pipeline.labels import fixes, scans
+from advpipe.pipeline.labels import fixes, images, scans
 from advpipe.pipeline.labels.clouds import FRAMES, POINTS, read_point_labels
 from advpipe.pipeline.labels.messages import DROPPED, read_labels
 from advpipe.pipeline.labels.points import REMOVED, PointLabels
@@ -25,19 +25,20 @@ Place = tuple[str, int]
 class TouchedUnits:
     """What attacks touched besides clouds.
 
-    messages: numbers in /v2x/sent. fixes: by vehicle. returns: the touched returns of each radar scan, by
-    index there.
+    messages: numbers in /v2x/sent. fixes: by vehicle. images: by topic, those that arrive. returns: the
+    touched returns of each radar scan, by index there.
     """
 
     messages: frozenset[int] = frozenset()
     fixes: frozenset[Place] = frozenset()
+    images: frozenset[Place] = frozenset()
     returns: Mapping[Place, Int64] = field(default_factory=dict)
 
     @classmethod
     def read(cls, bag: Path) -> TouchedUnits:
         """From the tables in a bag's folder. Raises AdvpipeError for a damaged one."""
         messages = {label.number for label in read_labels(bag) if label.action != DROPPED}
-        return cls(frozenset(messages), _fixes(bag), _returns(bag))
+        return cls(frozenset(messages), _fixes(bag), _images(bag), _returns(bag))
 
 
 def touched_clouds(bag: Path, topic: str) -> Iterator[tuple[int, PointLabels | None]]:
@@ -81,6 +82,14 @@ def _fixes(bag: Path) -> frozenset[Place]:
         return frozenset()
     found = rows(path, ["vehicle", "stamp_ns", "attack"])
     return frozenset((row["vehicle"], row["stamp_ns"]) for row in found if row["attack"])
+
+
+def _images(bag: Path) -> frozenset[Place]:
+    found = list(images.read_image_labels(bag))
+    lost = {(row["topic"], row["image"]) for row in found if row["action"] == images.DROPPED}
+    return frozenset(
+        (row["topic"], row["stamp_ns"]) for row in found if (row["topic"], row["image"]) not in lost
+    )
 
 
 def _returns(bag: Path) -> dict[Place, Int64]:

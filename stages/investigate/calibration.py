@@ -29,8 +29,9 @@ class CueCalibration:
 @dataclass(frozen=True)
 class Calibration:
     """cues: by name. intercept: the log odds without any evidence. alarm_probability: from which somebody is
-    named. half_life_s: in which evidence fades. most, least: bounds of what one reading adds to a score.
-    drives: the names of the drives that it was tuned on, as `benchmarks/investigate_drives.py` has them."""
+    named. half_life_s: in which evidence fades. most, least: bounds of what one reading adds to a score;
+    twice as much where it is `flagrant` times the limit, which no honest one comes near. drives: the names of
+    the drives that it was tuned on, as `benchmarks/investigate_drives.py` has them."""
 
     cues: Mapping[str, CueCalibration]
     intercept: float
@@ -39,6 +40,7 @@ class Calibration:
     most: float = 1.5
     least: float = 0.25
     ceiling: float = 8.0
+    flagrant: float = 20.0
     drives: tuple[str, ...] = ()
 
     def step(self, cue: str, value: float) -> float:
@@ -46,7 +48,8 @@ class Calibration:
         bounded."""
         one = self.cues[cue]
         ratio = value / one.limit
-        return min(max(one.sharpness * math.log(ratio), -self.least), self.most) if ratio > 0 else -self.least
+        most = self.most if ratio < self.flagrant else 2 * self.most
+        return min(max(one.sharpness * math.log(ratio), -self.least), most) if ratio > 0 else -self.least
 
     def probability(self, scores: Mapping[str, float]) -> float:
         """That somebody with these scores by cue lies."""

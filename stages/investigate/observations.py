@@ -47,11 +47,13 @@ class ObservedInertia(NamedTuple):
 
 
 class ObservedPose(NamedTuple):
-    """The vehicle's own estimate (4, 4). yaw_stddev_rad: of its heading; 0 where it is not stated."""
+    """The vehicle's own estimate (4, 4). yaw_stddev_rad: of its heading; place_stddev_m: of its place along
+    the axis that is less sure; both 0 where they are not stated."""
 
     time_ns: int
     map_SE3_base: Float64
     yaw_stddev_rad: float = 0.0
+    place_stddev_m: float = 0.0
 
 
 class ObservedPacket(NamedTuple):
@@ -179,9 +181,12 @@ def _take_inertia(current: Observations, message: Any, time_ns: int) -> None:
 
 def _take_pose(current: Observations, message: Any, time_ns: int) -> None:
     if message.header.frame_id == MAP_FRAME:
-        yaw_rad2 = max(float(message.pose.covariance[35]), 0.0)
+        variance = message.pose.covariance
+        yaw_rad2, place_m2 = max(float(variance[35]), 0.0), max(float(variance[0]), float(variance[7]), 0.0)
         current.poses.append(
-            ObservedPose(time_ns, build.se3_from_pose(message.pose.pose), math.sqrt(yaw_rad2))
+            ObservedPose(
+                time_ns, build.se3_from_pose(message.pose.pose), math.sqrt(yaw_rad2), math.sqrt(place_m2)
+            )
         )
 
 

@@ -9,6 +9,7 @@ from advpipe.pipeline.misbehaviour.config import CHECKS, THRESHOLDS, DetectorCon
 from advpipe.pipeline.misbehaviour.detector import OnlineDetector
 from advpipe.stages.investigate.cue import Cue, CueReading, station
 from advpipe.stages.investigate.evidence_topics import EvidenceKind
+from advpipe.stages.investigate.manoeuvres import Manoeuvres
 from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 LEFT_OUT = frozenset({"branch", "overlap", "appearance", "range"})
@@ -18,7 +19,8 @@ MOST = 1e3
 
 
 class CamPlausibilityCue(Cue):
-    """The largest statistic of a check over its threshold, for each CAM."""
+    """The largest statistic of a check over its threshold, for each CAM; of checks that an honest manoeuvre
+    fails (`manoeuvres.py`), none."""
 
     needs = (EvidenceKind.MESSAGES,)
     meaning = "CAMs against themselves and against the map"
@@ -26,15 +28,17 @@ class CamPlausibilityCue(Cue):
     def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._detector = OnlineDetector(DetectorConfig())
+        self._manoeuvres = Manoeuvres()
 
     def judge(self, situation: Situation) -> Iterator[CueReading]:
         receiver = situation.receiver
         for heard in situation.claims:
             statistics, _ = self._detector.judge(heard.claim, receiver)
+            excused = LEFT_OUT | self._manoeuvres.excuses(heard.claim)
             ratio, name, statistic = max(
                 (_ratio(value, THRESHOLDS[check]), check, value)
                 for check, value in zip(CHECKS, statistics, strict=True)
-                if check not in LEFT_OUT
+                if check not in excused
             )
             yield CueReading(
                 station(heard.station_id), heard.claim.arrival_ns, ratio, _words(name, statistic)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -19,6 +21,15 @@ from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 
 SHOWN_M, MOST_SHOWN, MOST_RAYS_SHOWN = 30.0, 1500, 40
 
+CLOUDS = 3
+"""So many clouds in a row have to see through a vehicle: one of dark paint, far away or half hidden, returns
+nothing now and then."""
+LEAST_ERROR_M = 1.0
+"""Of a claimed place as the vehicle sees it: of both GNSS, and of the motion since the claim."""
+MOST_CLAIMED_M = 1.0
+"""A station that claims to know its place less well is not excused the more."""
+FORGET_NS = 1_000_000_000
+
 
 class _Candidate(NamedTuple):
     """A claimed box on the map. claim: of a CAM; None for an object of a CPM."""
@@ -30,11 +41,13 @@ class _Candidate(NamedTuple):
 
 
 class FreeSpaceCue(Cue):
-    """How far the nearest thing that a LiDAR sees is from a claimed box that its rays pass through.
+    """How far the nearest thing that a LiDAR sees is from a claimed box that its rays pass through: in
+    metres, and less where the vehicle knows its own place and heading less well.
 
     Zero where something stops the rays; no reading where the box is hidden or too far away. Claims of CAMs
-    and objects of CPMs count alike; the suspect is who sent them. Who moves on as when the LiDAR saw it a
-    moment ago is not accused: of that, `lidar-tracks` speaks.
+    and objects of CPMs count alike; the suspect is who sent them. Of a CAM's claims the least of `CLOUDS`
+    clouds in a row counts. Who moves on as when the LiDAR saw it a moment ago is not accused: of that,
+    `lidar-tracks` speaks.
     """
 
     needs = (EvidenceKind.CLOUDS, EvidenceKind.MESSAGES, EvidenceKind.ESTIMATE, EvidenceKind.MOUNTS)
@@ -44,6 +57,7 @@ class FreeSpaceCue(Cue):
     def __init__(self, background: PriorKnowledge) -> None:
         super().__init__(background)
         self._tracks = SeenVehicles()
+        self._gaps: dict[tuple[str, int], deque[tuple[int, float]]] = {}
 
     def judge(self, situation: Situation) -> Iterator[CueReading]:
         for scan in situation.scans:
@@ -61,7 +75,30 @@ class FreeSpaceCue(Cue):
                     self._tracks.see(number, one.claim, scan.time_ns)
                 elif one.claim is not None and self._tracks.is_on_track(number, one.claim, scan.time_ns):
                     continue
-                yield _reading(one, seen, scan)
+                error_m = _error_m(one, seen, situation)
+                value = (seen.gap_m or 0.0) * LEAST_ERROR_M / error_m
+                if one.claim is not None:
+                    value = self._least(scan, number, value)
+                yield _reading(one, seen, scan, value)
+            self._forget(scan.time_ns)
+
+    def _least(self, scan: JudgedScan, number: int, value: float) -> float:
+        """The least of the newest values of a station; 0 before there are enough."""
+        newest = self._gaps.setdefault((scan.name, number), deque(maxlen=CLOUDS))
+        newest.append((scan.time_ns, value))
+        is_full = len(newest) == CLOUDS and scan.time_ns - newest[0][0] <= CLOUDS * FORGET_NS
+        return min(each for _, each in newest) if is_full else 0.0
+
+    def _forget(self, now_ns: int) -> None:
+        self._gaps = {key: one for key, one in self._gaps.items() if now_ns - one[-1][0] <= FORGET_NS}
+
+
+def _error_m(one: _Candidate, seen: SeenBox, situation: Situation) -> float:
+    """One standard deviation of where a claimed place lies in the LiDAR's sight, by what both state."""
+    pose = situation.pose
+    own_m, turned_m = (0.0, 0.0) if pose is None else (pose.place_stddev_m, pose.yaw_stddev_rad * seen.away_m)
+    claimed_m = 0.0 if one.claim is None else min(one.claim.position_m / 2, MOST_CLAIMED_M)
+    return max(LEAST_ERROR_M, math.hypot(own_m, turned_m, claimed_m))
 
 
 def _candidates(situation: Situation, scan: JudgedScan) -> Iterator[_Candidate]:
@@ -76,7 +113,7 @@ def _candidates(situation: Situation, scan: JudgedScan) -> Iterator[_Candidate]:
             yield _Candidate(station(one.station_id), "a vehicle that its CPM reports", box)
 
 
-def _reading(one: _Candidate, seen: SeenBox, scan: JudgedScan) -> CueReading:
+def _reading(one: _Candidate, seen: SeenBox, scan: JudgedScan, value: float) -> CueReading:
     if seen.gap_m is None:
         return CueReading(one.suspect, scan.time_ns, 0.0, f"{scan.name} sees {one.what}")
     words = (
@@ -88,7 +125,7 @@ def _reading(one: _Candidate, seen: SeenBox, scan: JudgedScan) -> CueReading:
         else "though something is there"
     )
     picture = _picture(seen, scan) if seen.gap_m > 0 else None
-    return CueReading(one.suspect, scan.time_ns, seen.gap_m, words, picture)
+    return CueReading(one.suspect, scan.time_ns, value, words, picture)
 
 
 def _picture(seen: SeenBox, scan: JudgedScan) -> FreeSpacePicture:

@@ -21,7 +21,8 @@ def reading(time_s: float, value: float, who: int = 7) -> CueReading:
 
 def test_a_reading_adds_the_logarithm_of_its_ratio_within_bounds() -> None:
     assert SIMPLE.step("a", 4.0) == pytest.approx(math.log(2))
-    assert SIMPLE.step("a", 200.0) == 1.5
+    assert SIMPLE.step("a", 39.0) == 1.5
+    assert SIMPLE.step("a", 200.0) == 3.0  # a hundred times the limit
     assert SIMPLE.step("a", 0.0) == SIMPLE.step("a", 0.1) == -0.25
 
 
