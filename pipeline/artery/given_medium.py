@@ -59,15 +59,15 @@ class GivenMedium(RecordedMedium):
         self._present = present
         for station_id, antenna_m in zip(stations.ids.tolist(), stations.antenna_m.tolist(), strict=True):
             yield given_records.place(station_id, *antenna_m)
-        assert transmissions.power_dbm is not None or not len(transmissions)
+        power_dbm = transmissions.power_dbm
         for index in np.argsort(transmissions.request_ns, kind="stable").tolist():
-            assert transmissions.power_dbm is not None
+            assert power_dbm is not None  # a channel tells the power of each message
             size = int(transmissions.cam_bytes[index]) + self._overhead_bytes - LINK_BYTES
             yield given_records.message(
                 int(transmissions.request_ns[index]) - zero_ns,
                 int(transmissions.senders[index]),
                 int(transmissions.messages[index]),
-                float(transmissions.power_dbm[index]),
+                float(power_dbm[index]),
                 transmissions.contents[index].rjust(max(size, 0), b"\0"),  # without packets, headers lack
             )
         yield given_records.until(until_ns - zero_ns)

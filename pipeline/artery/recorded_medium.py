@@ -65,6 +65,8 @@ class RecordedMedium:
         dropped = self._dropped(until_ns, stations)
         for message in (*complete, *dropped):
             del self._open[message.number]
+        for message in dropped:
+            self._receptions.pop(message.number, None)
         outcomes = self._outcomes(complete, dropped, stations)
         known = [station for station in stations.ids.tolist() if station in self._ratios]
         ratios = np.array([self._ratios[station] for station in known], np.float64)
