@@ -40,8 +40,10 @@ def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Floa
     bounds_ns = [frame.start_ns for frame in frames], [frame.end_ns for frame in frames]
     start_ns, stop_ns = np.clip(np.array(bounds_ns) - window_ns, 0, WINDOW_NS).astype(np.int32)
     hearing = np.array([frame.hearing for frame in frames])
-    follows = np.append(start_ns[1:] >= np.maximum.accumulate(stop_ns)[:-1], True)
-    is_alone = follows & np.append(True, follows[:-1])
+    is_alone = np.ones(len(frames), np.bool_)
+    follows = start_ns[1:] >= np.maximum.accumulate(stop_ns)[:-1]
+    is_alone[1:] &= follows
+    is_alone[:-1] &= follows
     alone_ns = ((stop_ns - start_ns) * is_alone) @ hearing
     (among,) = (~is_alone).nonzero()
     busy: Float64 = (alone_ns + _union_ns(start_ns[among], stop_ns[among], hearing[among])) / WINDOW_NS

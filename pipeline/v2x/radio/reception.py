@@ -57,7 +57,7 @@ class Receiver:
         disturbed = self._disturb(sinr_db, overlaps)
         keys = key.view(np.uint64)
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
-        luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.take(column).astype(np.uint64))
+        luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.astype(np.uint64).take(column))
         fails = self._fails(luck, sinr_db.take(place), bits.take(row))
         place, row, luck = place[fails], row[fails], luck[fails]
         outcome.put(place, Outcome.NOISE)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -108,6 +110,10 @@ class Reception(NamedTuple):
     sinr_db: float
 
 
+_reception: Callable[[tuple[int | float, ...]], Reception] = partial(tuple.__new__, Reception)
+"""Without the call in Python that `Reception` itself takes."""
+
+
 @dataclass(frozen=True)
 class ReceptionOutcomes:
     """The outcomes of M messages at S stations.
@@ -151,4 +157,4 @@ class ReceptionOutcomes:
             self.power_dbm.take(place),
             self.sinr_db.take(place),
         )
-        return [*map(Reception, *(value.tolist() for value in values))]
+        return [*map(_reception, zip(*(value.tolist() for value in values), strict=True))]

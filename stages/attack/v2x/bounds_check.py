@@ -57,8 +57,8 @@ class BoundsCheck:
         if not noted:
             return
         both = [*(each.before for each, _ in noted), *(each.after for each, _ in noted)]
-        before_m, after_m = np.split(places_m(self._geodesy, both), 2, axis=1)
-        moved_m = np.hypot(*(after_m - before_m)).tolist()
+        both_m = places_m(self._geodesy, both)
+        moved_m = np.hypot(*(both_m[:, len(noted) :] - both_m[:, : len(noted)])).tolist()
         for (touched, bounds), distance_m in zip(noted, moved_m, strict=True):
             for excess in excesses(self._change(touched, distance_m), bounds, MESSAGE_QUANTITIES):
                 raise AdvpipeError(f"{touched.part or touched.attack} went beyond its bounds: {excess}")
