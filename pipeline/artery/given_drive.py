@@ -13,7 +13,6 @@ from advpipe.pipeline.artery.process import ArteryProcess, artery_program
 from advpipe.pipeline.artery.radio import GENERAL, radio_lines, seed_line, unsupported
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.progress import working_on
-from advpipe.pipeline.scenario.artery import Artery
 from advpipe.pipeline.v2x.section import Radio
 
 
@@ -30,7 +29,7 @@ class ArteryAgain:
                 f"{where} was recorded with {'; '.join(found)}, which Artery cannot do; attack it without "
                 "--network artery"
             )
-        self._program = artery_program(Artery())
+        self._program = artery_program()
         self._radio, self._seed, self._timeout_s = radio, seed, timeout_s
 
     @contextmanager

@@ -12,6 +12,7 @@ from advpipe.pipeline.core.errors import AdvpipeError
 
 LOCALHOST = "127.0.0.1"
 POLL_S = 0.2
+UNFINISHED = "does not finish a step of the simulation"
 TOO_OLD = "GivenWorld' not found"
 """What Artery misses if its module is of a version that could not do this."""
 
@@ -49,9 +50,11 @@ class GivenLink:
         assert self._connection is not None
         try:
             self._connection.sendall(block)
+        except TimeoutError:
+            raise self._late(UNFINISHED) from None
         except OSError:
             raise self._ended() from None
-        return self._until_step_done(until_ns, "does not finish a step of the simulation")
+        return self._until_step_done(until_ns, UNFINISHED)
 
     def close(self) -> None:
         """Close the connection; Artery, which cannot go on without it, has been ended before."""
@@ -95,7 +98,8 @@ class GivenLink:
 
     def _late(self, what: str) -> AdvpipeError:
         return AdvpipeError(
-            f"Artery {what} within {self._timeout_s:g} s; raise artery.timeout_s if it needs longer"
+            f"Artery {what} within {self._timeout_s:g} s; record the drive with a larger artery.timeout_s if "
+            "it needs longer"
         )
 
     def _ended(self) -> AdvpipeError:

@@ -16,18 +16,22 @@ HOW = "docs/artery.md tells how to build it"
 END_TIMEOUT_S = 5.0
 
 
-def artery_program(settings: Artery) -> str:
-    """The path of Artery with our module. Raises UsageError where there is none, or it cannot be run."""
-    if settings.program is not None:
+def artery_program(settings: Artery | None = None) -> str:
+    """The path of Artery with our module, by a scenario's settings or without one.
+
+    Raises UsageError where there is none, or it cannot be run.
+    """
+    if settings is not None and settings.program is not None:
         where, path = "artery.program", settings.program
     elif VARIABLE in os.environ:
         where, path = VARIABLE, os.environ[VARIABLE]
     elif found := shutil.which(PROGRAM):
         return found
     else:
+        names = VARIABLE if settings is None else f"artery.program or {VARIABLE}"
         raise UsageError(
-            f"v2x.network artery needs the program {PROGRAM}, which is not on the PATH; name it in "
-            f"artery.program or {VARIABLE} ({HOW})"
+            f"network artery needs the program {PROGRAM}, which is not on the PATH; name it in {names} "
+            f"({HOW})"
         )
     if not os.path.isfile(path):
         raise UsageError(f"{where}: there is no file {path} ({HOW})")

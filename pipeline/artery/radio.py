@@ -23,9 +23,9 @@ GENERAL = (
 )
 
 
-def seed_line(seed: int, *use: str) -> str:
-    """The seed of OMNeT++'s random numbers, from the scenario's or the attack's."""
-    return f"seed-0-mt = {int(named_generator(seed, 'v2x', 'artery', *use).integers(1, 2**31))}"
+def seed_line(seed: int) -> str:
+    """The seed of OMNeT++'s random numbers, from the drive's."""
+    return f"seed-0-mt = {int(named_generator(seed, 'v2x', 'artery').integers(1, 2**31))}"
 
 
 def unsupported(radio: Radio) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -62,7 +63,7 @@ def _header(file: bytes) -> tuple[float, ...]:
             step = float(np.mean([np.mean(table) for table in tables])) if tables else np.nan
             scan = float(file.find(b"\xff\xda"))
             return size, scan, step, float(len(tables)), float(JpegImagePlugin.get_sampling(image))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+    except (OSError, ValueError, SyntaxError, IndexError, struct.error, Image.DecompressionBombError):
         return ()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.messages.topics import V2X_SENT, V2X_STATIONS
 from advpipe.pipeline.scenario.attacks import AttackSpec, RadioOf
 from advpipe.stages.attack.change import Change
@@ -26,7 +27,8 @@ def change_messages(
 ) -> list[Change]:
     """The changes that the attacks of these families make to a bag's messages; no topic belongs to two.
 
-    debug: takes what viewers show of the attacks. Raises AdvpipeError for a bag that lacks what they attack.
+    debug: takes what viewers show of the attacks. Raises AdvpipeError for a bag that lacks what they attack,
+    or V2X where they name a network.
     """
     changes: list[Change] = []
     editors: tuple[MessageEditor, ...] = ()
@@ -41,11 +43,13 @@ def change_messages(
                 add_fixes(debug, vehicle)
         editors = spoofed.editors()
     has_v2x = {V2X_STATIONS.name, V2X_SENT.name} <= set(reader.topics)
+    network: RadioOf = "artery" if "artery" in {spec.network for spec in (*gnss, *v2x)} else "embedded"
+    if not v2x and not has_v2x and network != "embedded":
+        raise UsageError(f"{reader.path}: has no V2X that could go through {network}; leave out network")
     if v2x or (editors and has_v2x):
         from advpipe.stages.attack.v2x.change import forge
 
         dcc_reacts = any(spec.dcc_reacts for spec in v2x)
-        network: RadioOf = "artery" if "artery" in {spec.network for spec in (*gnss, *v2x)} else "embedded"
         changes.append(forge(reader, v2x, seed, editors, dcc_reacts=dcc_reacts, network=network, debug=debug))
     if radar:
         from advpipe.stages.attack.radar.change import attack_radars

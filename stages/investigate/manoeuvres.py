@@ -19,9 +19,11 @@ AFTER_NS = 2_000_000_000
 """A turn excuses the CAMs of so long after it, some of which are compared with one before it."""
 MEMORY_NS = 10_000_000_000
 
-OF_LONG_TURNS = frozenset({"heading", "wrong_way", "position"})
+OF_LONG_TURNS = frozenset({"heading", "wrong_way"})
 """A long body stands across the lanes while it turns, and its middle moves across its heading: that of a
 semi-trailer as far as backwards."""
+BESIDE_LANES = frozenset({"position"})
+"""Its middle lies beside the lanes meanwhile, but by no more than half of its length."""
 OF_SPINS = frozenset({"turn"})
 OF_BRAKING = frozenset({"dynamics"})
 
@@ -58,6 +60,8 @@ class Manoeuvres:
         found: frozenset[str] = frozenset()
         if now_ns - one.turned_ns < AFTER_NS:
             found |= OF_LONG_TURNS
+            if claim.off_road_m <= claim.length_m / 2:
+                found |= BESIDE_LANES
         if now_ns - one.spun_ns < AFTER_NS:
             found |= OF_SPINS
         if known is not None and _brakes_truly(claim, known.last):
@@ -77,11 +81,12 @@ class Manoeuvres:
 
 
 def _brakes_truly(claim: Claim, last: Claim) -> bool:
-    """Whether tyres allow the claimed accelerations, and the speeds change by them."""
+    """Whether tyres allow the claimed decelerations, and the speeds change by them."""
     t = elapsed_s(claim, last)
     rates = sorted((claim.acceleration_mps2, last.acceleration_mps2))
     most_mps2 = max(map(abs, rates))
     if not (t > 0 and most_mps2 <= GRIP_MPS2):
         return False
     changed_mps, slack_mps = claim.speed_mps - last.speed_mps, _SPEED_MPS + _SHARE * most_mps2 * t
-    return rates[0] * t - slack_mps <= changed_mps <= rates[1] * t + slack_mps
+    is_borne_out = rates[0] * t - slack_mps <= changed_mps <= rates[1] * t + slack_mps
+    return rates[0] < 0 and is_borne_out

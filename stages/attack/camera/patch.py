@@ -179,15 +179,17 @@ class CameraPatch(CameraAttack):
                     view = patch_view(scene, each, (1, 1))
                     if len(view.pixels) >= LEAST_PIXELS:
                         seen_px.setdefault(each.name, []).append(float(view.cover.sum()))
-        name = max(seen_px, key=lambda each: sum(seen_px[each]), default="")
-        if not name or np.mean(seen_px[name]) < LARGE_PX:
-            most = f"at most {np.mean(seen_px[name]):.0f} pixels, on {name}" if name else "none"
+        mean_px = {name: float(np.mean(each)) for name, each in seen_px.items()}
+        large = [name for name in mean_px if mean_px[name] >= LARGE_PX]
+        if not large:
+            name = max(mean_px, key=mean_px.__getitem__, default="")
+            most = f"at most {mean_px[name]:.0f} pixels, on {name}" if name else "none"
             raise UsageError(
                 f"camera-patch: of a patch on the rear of a vehicle, the images of {_topics(drives)} in the "
                 f"schedule show {most}; at least {LARGE_PX} are needed: give a target, a larger width_m and "
                 "height_m, or another schedule or camera"
             )
-        return VehicleRear(name, size, self.center_m)
+        return VehicleRear(max(large, key=lambda each: sum(seen_px[each])), size, self.center_m)
 
     def _texture(
         self,

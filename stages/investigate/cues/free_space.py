@@ -22,8 +22,8 @@ from advpipe.stages.investigate.situation import PriorKnowledge, Situation
 SHOWN_M, MOST_SHOWN, MOST_RAYS_SHOWN = 30.0, 1500, 40
 
 CLOUDS = 3
-"""So many clouds in a row have to see through a vehicle: one of dark paint, far away or half hidden, returns
-nothing now and then."""
+"""So many clouds, the last ones with the claimed place in sight, have to see through a vehicle: one of dark
+paint, far away or half hidden, returns nothing now and then."""
 LEAST_ERROR_M = 1.0
 """Of a claimed place as the vehicle sees it: of both GNSS, and of the motion since the claim."""
 MOST_CLAIMED_M = 1.0
@@ -45,9 +45,9 @@ class FreeSpaceCue(Cue):
     metres, and less where the vehicle knows its own place and heading less well.
 
     Zero where something stops the rays; no reading where the box is hidden or too far away. Claims of CAMs
-    and objects of CPMs count alike; the suspect is who sent them. Of a CAM's claims the least of `CLOUDS`
-    clouds in a row counts. Who moves on as when the LiDAR saw it a moment ago is not accused: of that,
-    `lidar-tracks` speaks.
+    and objects of CPMs count alike; the suspect is who sent them. Of a CAM's claims the least of the last
+    `CLOUDS` clouds with the place in sight counts. Who moves on as when the LiDAR saw it a moment ago is not
+    accused: of that, `lidar-tracks` speaks.
     """
 
     needs = (EvidenceKind.CLOUDS, EvidenceKind.MESSAGES, EvidenceKind.ESTIMATE, EvidenceKind.MOUNTS)

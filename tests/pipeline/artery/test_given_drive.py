@@ -85,7 +85,10 @@ def test_what_waits_in_the_radio_of_a_station_that_leaves_is_dropped(artery: Cal
         ("error=2", r"Artery ended: exit code 1: Error: Signal power is negative -- in module \(Radio\)"),
         ("drift=2", "Artery is at 105000000 ns when the drive is at 100000000 ns"),
         ("garbage=2", "Artery's module sent a record of 5 bytes that advpipe cannot read; build it anew"),
-        ("hang=2", "Artery does not finish a step of the simulation within 5 s; raise artery.timeout_s"),
+        (
+            "hang=2",
+            "Artery does not finish a step of the simulation within 5 s; record the drive with a larger",
+        ),
         ("no-hello=0", "Artery does not start within 5 s"),
     ],
 )

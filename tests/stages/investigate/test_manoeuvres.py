@@ -9,6 +9,7 @@ import pytest
 from advpipe.pipeline.misbehaviour.claim import Claim
 from advpipe.stages.investigate.manoeuvres import (
     AFTER_NS,
+    BESIDE_LANES,
     MEMORY_NS,
     OF_BRAKING,
     OF_LONG_TURNS,
@@ -38,6 +39,14 @@ def test_long_bodies_have_no_heading_while_they_turn(length_m: float, expected: 
     assert excused(claim(0, length_m=length_m, yaw_rate_radps=0.3)) == expected
 
 
+@pytest.mark.parametrize(("beside_m", "is_excused"), [(8.0, True), (9.0, False), (math.nan, False)])
+def test_a_long_body_that_turns_is_beside_the_lanes_by_half_of_its_length(
+    beside_m: float, is_excused: bool
+) -> None:
+    found = excused(claim(0, length_m=TRUCK_M, yaw_rate_radps=0.3, off_road_m=beside_m))
+    assert (found >= BESIDE_LANES) is is_excused
+
+
 def test_a_turn_excuses_what_comes_shortly_after_it() -> None:
     turn = claim(0, length_m=TRUCK_M, yaw_rate_radps=-0.3)
     after = AFTER_NS // STEP_NS
@@ -60,6 +69,7 @@ def test_a_yaw_rate_at_the_end_of_its_code_explains_any_turn(
         (-9.0, 0.0, False),  # says that it brakes, and does not
         (-12.0, 1.2, False),  # harder than tyres can
         (0.0, 0.9, False),  # brakes, and does not say so
+        (9.0, -0.9, False),  # no vehicle speeds up like that
     ],
 )
 def test_hard_braking_that_speeds_bear_out_is_no_lie(

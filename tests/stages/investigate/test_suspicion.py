@@ -30,9 +30,9 @@ def test_the_alarm_comes_when_the_evidence_outweighs_the_prior() -> None:
     """Three nats speak against anybody's lying: two readings of cue a add 1.5 each."""
     suspicion = CumulativeSuspicion(SIMPLE)
     suspicion.add("a", reading(1.0, 0.0))
-    suspicion.add("a", reading(2.0, 100.0))
+    suspicion.add("a", reading(2.0, 30.0))
     assert suspicion.named() == ([], [])
-    suspicion.add("a", reading(2.5, 100.0))
+    suspicion.add("a", reading(2.5, 30.0))
     ((who, record),), _ = suspicion.named()
     episode = record.episodes[0]
     assert who == station(7)
