@@ -14,6 +14,7 @@ from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import UsageError
+from advpipe.pipeline.core.gc_freeze import gc_frozen
 from advpipe.pipeline.core.job_engine import runs_elsewhere
 from advpipe.pipeline.core.jobs import stream_jobs
 from advpipe.pipeline.core.plugins import plugin_errors, plugin_names, with_plugin_errors
@@ -100,6 +101,7 @@ def attack(
     with (
         plugin_errors(plugin_names([*types, *detectors])),
         open_job(out, resolved) as job,
+        gc_frozen(),
     ):
         debug = DebugMessages() if request.debug else None
         with working_on(MESSAGES):
