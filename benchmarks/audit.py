@@ -8,9 +8,9 @@ attack of the catalogue, and audits them, each drive by what the others taught. 
 probe that its definition does not move with the largest area, and all findings; exit code 1 if there is one.
 With --drives 1, probes learn nothing and both directions are tried.
 
-About 2 minutes of one core a drive with the recipe random and 20 s, half of it the LiDAR attacks, without those
-on cameras; `best`
-takes ten times as long for those. --keep: the folder for the data sets; what is there already is used again.
+About 2 minutes of one core a drive with the recipe random and 20 s, half of it the LiDAR attacks, and more
+with those on cameras; `best` takes ten times as long for those on LiDARs. --keep: the folder for the data
+sets; what is there already is used again.
 """
 
 from __future__ import annotations
