@@ -60,6 +60,19 @@ def test_artery_decides_who_receives_when(artery: Callable[..., Path]) -> None:
     assert (load.stations.tolist(), load.busy_ratio.tolist()) == ([5, 7, 9], [0.125] * 3)
 
 
+def test_the_load_of_a_tenth_of_a_second_comes_once(artery: Callable[..., Path]) -> None:
+    artery()
+    with ArteryAgain("drive", RADIO, 1, 5.0).open() as medium:
+        found = [
+            [
+                (load.end_ns - START_NS) // 1_000_000
+                for load in medium.advance(START_NS + end_ms * 1_000_000, stations(5, 7), sent(message)).loads
+            ]
+            for end_ms, message in ((50, (0, 5, 0)), (100, (1, 5, 50_000_000)), (400, (2, 5, 100_000_000)))
+        ]
+    assert found == [[], [100], [200, 300, 400]]
+
+
 def test_a_message_on_the_air_at_the_end_of_a_step_comes_with_the_next(artery: Callable[..., Path]) -> None:
     artery()
     first, second = steps([[(0, 5, 99_590_000)], []])  # ends 10 us before the step does
