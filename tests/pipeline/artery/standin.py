@@ -57,8 +57,8 @@ class StandIn:
                 del self._places_m[struct.unpack("<cI", record)[1]]
             elif record[:1] == b"M" and self._faults.get("busy") != self._steps:  # else it waits for ever
                 _, time_ns, sender, number, power_dbm = struct.unpack_from("<cqIqd", record)
-                for station, place_m in sorted(self._places_m.items()):
-                    away_m = math.dist(place_m, self._places_m[sender])
+                for station, antenna_m in sorted(self._places_m.items()):
+                    away_m = math.dist(antenna_m, self._places_m[sender])
                     if station != sender and away_m < RANGE_M:
                         got_dbm = power_dbm - 20 * math.log10(max(away_m, 1.0)) - 48
                         yield struct.pack("<cqIqdd", b"R", time_ns + ON_AIR_NS, station, number, got_dbm, 20)

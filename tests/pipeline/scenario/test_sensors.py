@@ -169,6 +169,7 @@ def test_two_topics_are_not_published_under_one_name(sensors: dict[str, Any], wo
 
 def test_names_that_only_look_alike_are_taken() -> None:
     """The ray-caster has no semantic LiDARs, and a camera without depth images publishes none."""
-    sensors = {"lidars": {"lidar": {}, "semantic_lidar": {}}, "cameras": {"front": {}, "depth_front": {}}}
+    lidars: dict[str, Any] = {"lidar": {}, "semantic_lidar": {}}
+    sensors = {"lidars": lidars, "cameras": {"front": {}, "depth_front": {}}}
     scenario = load_scenario("smoke", {"sensors": sensors, "recording.names": "carla_ros_bridge"})
     assert len(list(scenario.sensors.mounted())) == 4
