@@ -73,7 +73,7 @@ class GivenMedium(RecordedMedium):
         yield given_records.until(until_ns - zero_ns)
 
     def _take(self, records: list[Record], zero_ns: int, known: set[int]) -> None:
-        receptions, ratios = list[Reception](), list[tuple[int, float]]()
+        receptions, ratios = list[Reception](), list[BusyRatio]()
         for record in records:
             if isinstance(record, Arrival) and record.packet_id in known:
                 arrival_ns = record.time_ns + zero_ns
@@ -85,7 +85,7 @@ class GivenMedium(RecordedMedium):
             elif isinstance(record, Ended) and record.packet_id in known:
                 self._ended_ns[record.packet_id] = record.time_ns + zero_ns
             elif isinstance(record, BusyRatio):
-                ratios.append((record.station_id, record.ratio))
+                ratios.append(record._replace(time_ns=record.time_ns + zero_ns))
         self.note(receptions, ratios)
 
     def _is_complete(self, message: OpenMessage, until_ns: int) -> bool:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from advpipe.pipeline.v2x.radio.load import ChannelLoad
+from advpipe.pipeline.artery.records import BusyRatio
+from advpipe.pipeline.v2x.radio.load import ChannelLoad, window_ends
 from advpipe.pipeline.v2x.radio.medium import Step
 from advpipe.pipeline.v2x.radio.stations import (
     Outcome,
@@ -41,15 +43,17 @@ class RecordedMedium:
 
     _open: dict[int, OpenMessage] = field(default_factory=dict)
     _receptions: dict[int, list[Reception]] = field(default_factory=dict)
+    _coming: deque[BusyRatio] = field(default_factory=deque)
     _ratios: dict[int, float] = field(default_factory=dict)
+    _advanced_ns: int | None = None
     _now_ns: int = 0
     """No message arrives before it."""
 
-    def note(self, receptions: Iterable[Reception], busy_ratios: Iterable[tuple[int, float]]) -> None:
-        """Note receptions up to some time after the coming step's end, and the newest loads of stations."""
+    def note(self, receptions: Iterable[Reception], busy_ratios: Iterable[BusyRatio]) -> None:
+        """Note receptions and loads up to some time after the coming step's end, by time."""
         for reception in receptions:
             self._receptions.setdefault(reception.message, []).append(reception)
-        self._ratios.update(busy_ratios)
+        self._coming.extend(busy_ratios)
 
     def advance(self, until_ns: int, stations: Stations, transmissions: Transmissions) -> Step:
         """See `Medium.advance`; a message is complete when its first reception is due."""
@@ -68,9 +72,21 @@ class RecordedMedium:
         for message in dropped:
             self._receptions.pop(message.number, None)
         outcomes = self._outcomes(complete, dropped, stations)
-        known = [station for station in stations.ids.tolist() if station in self._ratios]
-        ratios = np.array([self._ratios[station] for station in known], np.float64)
-        return Step(outcomes, (ChannelLoad(until_ns, np.array(known, np.int64), ratios),) if known else ())
+        first_ns, self._advanced_ns = self._advanced_ns, until_ns
+        if first_ns is None:
+            first_ns = min([until_ns - 1, *transmissions.request_ns.tolist()])
+        return Step(outcomes, tuple(self._loads(first_ns, until_ns, stations)))
+
+    def _loads(self, first_ns: int, until_ns: int, stations: Stations) -> Iterator[ChannelLoad]:
+        """The load of each window that ended: what each station had told last by then."""
+        for end_ns in window_ends(first_ns, until_ns):
+            while self._coming and self._coming[0].time_ns <= end_ns:
+                ratio = self._coming.popleft()
+                self._ratios[ratio.station_id] = ratio.ratio
+            known = [station for station in stations.ids.tolist() if station in self._ratios]
+            if known:
+                ratios = np.array([self._ratios[station] for station in known], np.float64)
+                yield ChannelLoad(end_ns, np.array(known, np.int64), ratios)
 
     def _is_complete(self, message: OpenMessage, until_ns: int) -> bool:
         receptions = self._receptions.get(message.number)

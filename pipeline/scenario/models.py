@@ -9,6 +9,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.section import Implementation, Name, Number, Section, Switch
+from advpipe.pipeline.messages.topic_names import CARLA_ROS_BRIDGE
 from advpipe.pipeline.scenario.artery import Artery
 from advpipe.pipeline.scenario.attacks import Attacks
 from advpipe.pipeline.scenario.carla import Carla
@@ -98,6 +99,9 @@ class Scenario(Section):
         if found := [mistake for check in checks for mistake in check]:
             raise SeveralMistakesError(found)
         self.sensors.check(self.simulation.step_s)
+        names, step_s = self.recording.names, self.simulation.step_s
+        has_semantic = self.world == "carla" and names == CARLA_ROS_BRIDGE
+        self.sensors.check_names(self.vehicles, names, step_s, has_semantic)
         check_size(self)
         return self
 

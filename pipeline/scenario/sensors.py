@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from pydantic import SerializerFunctionWrapHandler, create_model, model_serializer, model_validator
@@ -14,6 +14,9 @@ from advpipe.pipeline.localisation.section import (
     LocalisationFilter,
     WheelOdometrySensor,
 )
+from advpipe.pipeline.messages.topic_names import published_name
+from advpipe.pipeline.messages.topics import VehicleTopics
+from advpipe.pipeline.sensors.lidar.section import LidarSensor
 from advpipe.pipeline.sensors.registry import SENSORS
 from advpipe.pipeline.sensors.sensor import DriveSettings, MountedSection, MountedSensor, Sensor
 
@@ -75,6 +78,37 @@ class CarriedSensors(Section):
         for key, sensor in SENSORS.items():
             configured = getattr(self, key)
             sensor.check(configured if issubclass(sensor, MountedSensor) else {"": configured}, step_s)
+
+    def check_names(self, vehicles: Iterable[str], names: str, step_s: float, has_semantic: bool) -> None:
+        """Raise ValueError where two topics would be published under one name.
+
+        names: `recording.names`; has_semantic: whether the drive records what semantic LiDARs measure. The
+        rates fit the step.
+        """
+        for vehicle in vehicles:
+            published: dict[str, tuple[str, str]] = {}
+            for place, topic in self._topics(vehicle, step_s, has_semantic):
+                name = published_name(topic, names)
+                other, other_topic = published.setdefault(name, (place, topic))
+                if other_topic != topic:
+                    raise ValueError(
+                        f"recording.names {names} publishes both a topic of {other} and one of {place} as "
+                        f"{name}; rename one of the sensors"
+                    )
+
+    def _topics(self, vehicle: str, step_s: float, has_semantic: bool) -> Iterator[tuple[str, str]]:
+        """Yield what a vehicle's sensors record: whose topic it is, and its name."""
+        yield "the true odometry", VehicleTopics(vehicle).true_odometry.name
+        for key, sensor in SENSORS.items():
+            if not issubclass(sensor, MountedSensor):
+                yield from ((f"sensors.{key}", topic.name) for topic in sensor.topics(vehicle, ""))
+                continue
+            for name, section in sensor.carried_by(vehicle, getattr(self, key)).items():
+                recorded = sensor.cadences(vehicle, {name: section}, step_s)
+                yield from ((f"sensors.{key}.{name}", topic) for topic in recorded)
+                if has_semantic and isinstance(section, LidarSensor):
+                    semantic = VehicleTopics(vehicle, name).semantic_points
+                    yield f"sensors.{key}.{name}", semantic.name
 
 
 if TYPE_CHECKING:

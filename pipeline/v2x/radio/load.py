@@ -27,6 +27,11 @@ class ChannelLoad:
     busy_ratio: Float64
 
 
+def window_ends(first_ns: int, until_ns: int) -> range:
+    """The ends of whole windows after `first_ns`, up to and including `until_ns`."""
+    return range(first_ns - first_ns % WINDOW_NS + WINDOW_NS, until_ns + 1, WINDOW_NS)
+
+
 def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Float64:
     """The channel busy ratio (S,) over the window that ends at `end_ns`.
 

@@ -13,7 +13,7 @@ from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.draws import Draws
 from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.link import Link
-from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad, busy_ratio
+from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad, busy_ratio, window_ends
 from advpipe.pipeline.v2x.radio.ofdm import CONTENTION_SLOTS, Ofdm
 from advpipe.pipeline.v2x.radio.reception import Receiver
 from advpipe.pipeline.v2x.radio.shadow_field import ShadowField
@@ -78,7 +78,7 @@ class Medium:
         ended.sort(key=_BY_END)
         lost = np.array([frame.message for frame in (*dropped, *expired)], np.int64)
         outcomes = self._receiver.outcomes(ended, self._sent, stations, lost)
-        loads = tuple(self._load(end_ns) for end_ns in _window_ends(first_ns, until_ns))
+        loads = tuple(self._load(end_ns) for end_ns in window_ends(first_ns, until_ns))
         self._forget(ended, until_ns)
         return Step(outcomes, loads)
 
@@ -142,8 +142,3 @@ def _shadow_field(radio: Radio, seed: int) -> ShadowField | None:
         return None
     rng = named_generator(seed, "v2x", "shadow field")
     return ShadowField(radio.shadowing.correlation_distance_m, rng)
-
-
-def _window_ends(first_ns: int, until_ns: int) -> range:
-    """The ends of whole windows after `first_ns`, up to and including `until_ns`."""
-    return range(first_ns - first_ns % WINDOW_NS + WINDOW_NS, until_ns + 1, WINDOW_NS)

@@ -1,14 +1,16 @@
 """Stands in for Artery where advpipe says what is sent.
 
-    standin.py [--play RECORDING] [--fault NAME=STEP] [--protocol N] -f omnetpp.ini
+    standin.py [--play RECORDING] [--note SUMS] [--fault NAME=STEP] [--protocol N] -f omnetpp.ini
 
-It plays back what a real Artery has told, step by step, or else every station within 200 m receives every
-message 0.4 ms later.
+It plays back what a real Artery has told, step by step, and fails where advpipe does not say what it said
+then (`attacked.sums` beside `attacked.xz`, which --note writes); or else every station within 200 m receives
+every message 0.4 ms later.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import lzma
 import math
 import os
@@ -53,10 +55,10 @@ class StandIn:
                 self._places_m[station] = (place_m[0], place_m[1], place_m[2])
             elif record[:1] == b"Q":
                 del self._places_m[struct.unpack("<cI", record)[1]]
-            elif record[:1] == b"M":
+            elif record[:1] == b"M" and self._faults.get("busy") != self._steps:  # else it waits for ever
                 _, time_ns, sender, number, power_dbm = struct.unpack_from("<cqIqd", record)
-                for station, place_m in sorted(self._places_m.items()):
-                    away_m = math.dist(place_m, self._places_m[sender])
+                for station, antenna_m in sorted(self._places_m.items()):
+                    away_m = math.dist(antenna_m, self._places_m[sender])
                     if station != sender and away_m < RANGE_M:
                         got_dbm = power_dbm - 20 * math.log10(max(away_m, 1.0)) - 48
                         yield struct.pack("<cqIqdd", b"R", time_ns + ON_AIR_NS, station, number, got_dbm, 20)
@@ -85,9 +87,40 @@ class StandIn:
             self.say(b"Z\0\0\0\0")
 
 
-def recorded(path: str) -> Iterator[list[bytes]]:
+def checksum(block: list[bytes]) -> str:
+    """Of all that a block says, to a micrometre and a millionth of a decibel: the last digits of computed
+    places differ between processors."""
+    found = hashlib.sha256()
+    for record in block:
+        if record[:1] == b"P":
+            _, station, *place_m = struct.unpack("<cIddd", record)
+            record = f"P {station} {[round(metres, 6) + 0.0 for metres in place_m]}".encode()
+        elif record[:1] == b"M":
+            _, time_ns, sender, number, power_dbm = struct.unpack_from("<cqIqd", record)
+            packet = record[struct.calcsize("<cqIqd") :]
+            record = f"M {time_ns} {sender} {number} {round(power_dbm, 6) + 0.0} ".encode() + packet
+        found.update(struct.pack("<I", len(record)) + record)
+    return found.hexdigest()
+
+
+def play(standin: StandIn, recording: Path, note: str | None) -> None:
+    """Answer each block with what was recorded. note: where to write the blocks' checksums."""
+    steps = recorded(recording)
+    standin.say(*next(steps))
+    sums = [] if note else recording.with_suffix(".sums").read_text(encoding="ascii").split()
+    for number, step in enumerate(steps):
+        found = checksum(standin.block())
+        if note:
+            sums.append(found)
+            Path(note).write_text("\n".join([*sums, ""]), encoding="ascii")
+        elif found != sums[number]:
+            sys.exit(f"<!> Error: step {number + 1} is not the one that was recorded")
+        standin.say(*step)
+
+
+def recorded(path: Path) -> Iterator[list[bytes]]:
     """What a real Artery told, step by step; then silence."""
-    data = lzma.decompress(Path(path).read_bytes())
+    data = lzma.decompress(path.read_bytes())
     place, step = 0, list[bytes]()
     while place < len(data):
         (length,) = struct.unpack_from("<I", data, place)
@@ -100,7 +133,8 @@ def recorded(path: str) -> Iterator[list[bytes]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--play")
+    parser.add_argument("--play", type=Path)
+    parser.add_argument("--note")
     parser.add_argument("--fault", action="append", default=[])
     parser.add_argument("--protocol", type=int, default=1)
     parser.add_argument("-f", dest="ini", required=True)
@@ -116,11 +150,7 @@ def main() -> None:
     assert port is not None
     standin = StandIn(int(port.group(1)), faults)
     if arguments.play:
-        steps = recorded(arguments.play)
-        standin.say(*next(steps))
-        for step in steps:
-            standin.block()
-            standin.say(*step)
+        play(standin, arguments.play, arguments.note)
     else:
         standin.say(
             struct.pack("<cHH", b"H", arguments.protocol, 11) + b"OMNeT++ 5.6", struct.pack("<cq", b"T", 0)

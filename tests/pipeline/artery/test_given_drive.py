@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from advpipe.pipeline.artery.given_drive import ArteryAgain
+from advpipe.pipeline.artery.given_medium import LONGEST_WAIT_NS
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.v2x.radio.medium import Step
 from advpipe.pipeline.v2x.radio.stations import Outcome, Stations, Transmissions
@@ -60,6 +62,19 @@ def test_artery_decides_who_receives_when(artery: Callable[..., Path]) -> None:
     assert (load.stations.tolist(), load.busy_ratio.tolist()) == ([5, 7, 9], [0.125] * 3)
 
 
+def test_the_load_of_a_tenth_of_a_second_comes_once(artery: Callable[..., Path]) -> None:
+    artery()
+    with ArteryAgain("drive", RADIO, 1, 5.0).open() as medium:
+        found = [
+            [
+                (load.end_ns - START_NS) // 1_000_000
+                for load in medium.advance(START_NS + end_ms * 1_000_000, stations(5, 7), sent(message)).loads
+            ]
+            for end_ms, message in ((50, (0, 5, 0)), (100, (1, 5, 50_000_000)), (400, (2, 5, 100_000_000)))
+        ]
+    assert found == [[], [100], [200, 300, 400]]
+
+
 def test_a_message_on_the_air_at_the_end_of_a_step_comes_with_the_next(artery: Callable[..., Path]) -> None:
     artery()
     first, second = steps([[(0, 5, 99_590_000)], []])  # ends 10 us before the step does
@@ -69,11 +84,48 @@ def test_a_message_on_the_air_at_the_end_of_a_step_comes_with_the_next(artery: C
 
 
 def test_what_waits_in_the_radio_of_a_station_that_leaves_is_dropped(artery: Callable[..., Path]) -> None:
+    artery("--fault", "busy=1")
+    first, second, third = steps(
+        [[(0, 5, 10_000_000), (1, 7, 20_000_000)], [(2, 7, 120_000_000)], []], [(5, 7), (7, 9), (7, 9)]
+    )
+    assert not len(first.outcomes.messages)
+    assert not len(first.outcomes.dropped)
+    assert second.outcomes.dropped.tolist() == [0]  # 7, which stays, may still send 1
+    assert second.outcomes.messages.tolist() == [2]
+    assert not len(third.outcomes.dropped)
+
+
+def test_what_a_station_has_sent_before_it_leaves_arrives(artery: Callable[..., Path]) -> None:
     artery()
     first, second = steps([[(0, 5, 99_990_000)], [(1, 7, 120_000_000)]], [(5, 7), (7, 9)])
     assert not len(first.outcomes.messages)
-    assert second.outcomes.messages.tolist() == [0, 1]  # 0 had been sent
+    assert second.outcomes.messages.tolist() == [0, 1]
     assert second.outcomes.outcome[1].tolist() == [Outcome.OWN, Outcome.WEAK]
+    assert not len(second.outcomes.dropped)
+
+
+def test_what_waits_too_long_is_dropped(artery: Callable[..., Path]) -> None:
+    artery("--fault", "busy=1")
+    dropped = []
+    with ArteryAgain("drive", RADIO, 1, 5.0).open() as medium:
+        messages = sent((0, 5, 0))
+        for until_ns in (100_000_000, LONGEST_WAIT_NS, LONGEST_WAIT_NS + 1, LONGEST_WAIT_NS + 2):
+            outcomes = medium.advance(START_NS + until_ns, stations(5, 7), messages).outcomes
+            assert not len(outcomes.messages)
+            dropped.append(outcomes.dropped.tolist())
+            messages = sent()
+    assert dropped == [[], [], [0], []]
+
+
+def test_the_seed_of_the_recording_decides_arterys_draws(artery: Callable[..., Path]) -> None:
+    """Without the line, the draws would be those of OMNeT++'s default seed in every drive."""
+    ini = artery().with_name("omnetpp.ini")
+    found = []
+    for seed in (1, 1, 2):
+        with ArteryAgain("drive", RADIO, seed, 5.0).open():
+            (line,) = re.findall(r"^seed-0-mt = \d+$", ini.read_text(encoding="utf-8"), re.MULTILINE)
+            found.append(line)
+    assert found[0] == found[1] != found[2]
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from advpipe.pipeline.artery.recorded_medium import GIVEN_UP_NS, RecordedMedium
+from advpipe.pipeline.artery.records import BusyRatio
 from advpipe.pipeline.v2x.radio.stations import Outcome, Reception, Stations, Transmissions
 
 STATIONS = Stations(np.array([5, 7, 9]), np.array([[0.0, 0, 1.5], [30, 40, 1.5], [0, 200, 1.5]]))
@@ -17,15 +19,13 @@ def sent(*messages: tuple[int, int, int]) -> Transmissions:
 
 def test_a_reception_is_in_the_step_in_which_it_happens() -> None:
     medium = RecordedMedium()
-    medium.note([Reception(0, 7, 990, -70.0, 20.0), Reception(1, 5, 1010, -71.0, 19.0)], [(5, 0.25)])
+    medium.note([Reception(0, 7, 990, -70.0, 20.0), Reception(1, 5, 1010, -71.0, 19.0)], [])
     first = medium.advance(1000, STATIONS, sent((0, 5, 950), (1, 7, 980)))
     assert first.outcomes.messages.tolist() == [0]
     assert first.outcomes.outcome.tolist() == [[Outcome.OWN, Outcome.RECEIVED, Outcome.WEAK]]
     assert first.outcomes.distance_m.tolist() == [[0.0, 50.0, 200.0]]
     assert [one.arrival_ns for one in first.outcomes.receptions()] == [990]
     assert first.outcomes.receptions()[0].power_dbm == -70.0
-    (load,) = first.loads
-    assert (load.end_ns, load.stations.tolist(), load.busy_ratio.tolist()) == (1000, [5], [0.25])
     second = medium.advance(2000, STATIONS, sent())
     assert second.outcomes.messages.tolist() == [1]
     assert second.outcomes.outcome.tolist() == [[Outcome.RECEIVED, Outcome.OWN, Outcome.WEAK]]
@@ -46,3 +46,19 @@ def test_a_sender_that_has_left_is_at_no_distance() -> None:
     outcomes = medium.advance(2000, STATIONS, sent((0, 11, 900))).outcomes
     assert outcomes.outcome[0].tolist() == [Outcome.WEAK, Outcome.RECEIVED, Outcome.WEAK]
     assert np.isinf(outcomes.distance_m).all()
+
+
+@pytest.mark.parametrize("step_ms", [50, 100, 1000])
+def test_each_window_has_one_load_however_long_a_step_is(step_ms: int) -> None:
+    """As from `Medium`: congestion control takes each load as the share of the last tenth of a second."""
+    medium, loads = RecordedMedium(), list[tuple[int, list[int], list[float]]]()
+    medium.note([], [BusyRatio(ms * 1_000_000, 5, ms / 1000) for ms in range(230, 1000, 100)])
+    medium.note([], [BusyRatio(970_000_000, 7, 0.5), BusyRatio(1_030_000_000, 5, 1.0)])
+    for end_ms in range(step_ms, 1001, step_ms):
+        requests = sent((end_ms, 5, (end_ms - step_ms) * 1_000_000))
+        for load in medium.advance(end_ms * 1_000_000, STATIONS, requests).loads:
+            loads.append((load.end_ns // 1_000_000, load.stations.tolist(), load.busy_ratio.tolist()))
+    assert loads == [
+        *((end_ms, [5], [(end_ms - 70) / 1000]) for end_ms in range(300, 1000, 100)),
+        (1000, [5, 7], [0.93, 0.5]),
+    ]

@@ -143,3 +143,33 @@ def test_a_turn_may_take_several_steps() -> None:
 def test_names_of_frames_are_unique_and_rays_bounded(setting: str, message: str) -> None:
     with pytest.raises(AdvpipeError, match=message):
         load_scenario("smoke", [setting])
+
+
+@pytest.mark.parametrize(
+    ("sensors", "world", "name"),
+    [
+        ({"lidars": {"lidar": {}, "semantic_lidar": {}}}, "carla", "/carla/ego/semantic_lidar"),
+        ({"lidars": {"gnss": {}}}, "raycast", "/carla/ego/gnss"),
+        ({"lidars": {"odometry": {}}}, "raycast", "/carla/ego/odometry"),
+        (
+            {"cameras": {"front": {"images": ["depth"]}, "depth_front": {}}},
+            "raycast",
+            "/carla/ego/depth_front/",
+        ),
+    ],
+)
+def test_two_topics_are_not_published_under_one_name(sensors: dict[str, Any], world: str, name: str) -> None:
+    settings: dict[str, Any] = {"sensors": sensors, "world": world}
+    load_scenario("smoke", settings)
+    with pytest.raises(AdvpipeError, match=rf"recording\.names carla_ros_bridge publishes .*{name}") as error:
+        load_scenario("smoke", settings | {"recording.names": "carla_ros_bridge"})
+    assert str(error.value).endswith("rename one of the sensors")
+    assert "\n" not in str(error.value)
+
+
+def test_names_that_only_look_alike_are_taken() -> None:
+    """The ray-caster has no semantic LiDARs, and a camera without depth images publishes none."""
+    lidars: dict[str, Any] = {"lidar": {}, "semantic_lidar": {}}
+    sensors = {"lidars": lidars, "cameras": {"front": {}, "depth_front": {}}}
+    scenario = load_scenario("smoke", {"sensors": sensors, "recording.names": "carla_ros_bridge"})
+    assert len(list(scenario.sensors.mounted())) == 4

@@ -106,7 +106,7 @@ class ArteryNetwork:
 
     def _note(self, records: Sequence[Record]) -> None:
         """Take in what Artery has simulated in one more step, one ahead of the drive's."""
-        receptions, ratios = list[Reception](), list[tuple[int, float]]()
+        receptions, ratios = list[Reception](), list[BusyRatio]()
         for record in records:
             if isinstance(record, NewStation):
                 self._stations[record.vehicle] = record
@@ -120,7 +120,7 @@ class ArteryNetwork:
                     Reception(number, record.station_id, record.time_ns, record.power_dbm, record.sinr_db)
                 )
             elif isinstance(record, BusyRatio):
-                ratios.append((record.station_id, record.ratio))
+                ratios.append(record)
         self._medium.note(receptions, ratios)
 
     def _note_sent(self, record: Transmission) -> None:

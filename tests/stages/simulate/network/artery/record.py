@@ -1,4 +1,5 @@
-"""Records what a real Artery tells, for stand-ins to play back: it made `exchange.xz` and `attacked.xz`.
+"""Records what a real Artery tells, for stand-ins to play back: it made `exchange.xz` and `attacked.xz`
+(and a stand-in with --note, playing that, `attacked.sums`).
 
     record.py OUT PROGRAM -f omnetpp.ini     in the place of PROGRAM, advpipe-artery (artery.program)
     record.py --compress OUT                 afterwards

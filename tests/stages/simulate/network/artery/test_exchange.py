@@ -1,5 +1,6 @@
 """A drive through what a real Artery told, which the stand-in plays back: `exchange.xz`; and an attack on it,
-whose messages a real Artery sent and received: `attacked.xz`.
+whose messages a real Artery sent and received: `attacked.xz`, with the checksum of what advpipe said in each
+step, `attacked.sums`.
 
 They were recorded with `record.py` and `SETTINGS`, by SUMO 1.28.0; with traffic that moves otherwise, the
 vehicles would not be where Artery's stations are.
@@ -18,6 +19,7 @@ import pytest
 
 from advpipe.pipeline.bag.latched import latched_text
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.messages.topics import V2X_STATISTICS, VehicleTopics
 from advpipe.pipeline.replay.v2x_drive import V2xDrive
 from advpipe.pipeline.scenario import load_scenario
@@ -102,17 +104,25 @@ def test_the_drive_can_be_attacked_through_our_radio(drive: Path, tmp_path: Path
     assert len(heard) > 50
 
 
-def test_an_attack_goes_through_what_artery_told_of_it(
-    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The ghosts' messages leave from their attackers' radios, and a real Artery decided who hears them."""
+@pytest.fixture
+def artery_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Artery as it was when `attacked.xz` was recorded; it fails where it is told anything else than then."""
     program = tmp_path / "advpipe-artery"
     command = shlex.join([sys.executable, str(AGAIN), "--play", str(ATTACKED)])
     program.write_text(f'#!/bin/sh\nexec {command} "$@"\n', encoding="utf-8")
     program.chmod(0o755)
     monkeypatch.setenv("ADVPIPE_ARTERY_BIN", str(program))
-    keys = {"type": "cam-sybil-grid", "network": "artery", "attackers": {"share": 0.2}}
-    attack(drive, tmp_path / "bag", AttackRequest((AttackSpec.model_validate(keys),)))
+
+
+def attack_through_artery(drive: Path, out: Path, **keys: object) -> None:
+    values = {"type": "cam-sybil-grid", "network": "artery", "attackers": {"share": 0.2}, **keys}
+    attack(drive, out, AttackRequest((AttackSpec.model_validate(values),)))
+
+
+@pytest.mark.usefixtures("artery_again")
+def test_an_attack_goes_through_what_artery_told_of_it(drive: Path, tmp_path: Path) -> None:
+    """The ghosts' messages leave from their attackers' radios, and a real Artery decided who hears them."""
+    attack_through_artery(drive, tmp_path / "bag")
     reader, topics = BagReader(tmp_path / "bag"), VehicleTopics("ego")
     sent, honest = sent_of(tmp_path / "bag"), {one.number for one in sent_of(drive)}
     info = [message for _, message in reader.messages(topics.reception_info.name)]
@@ -125,6 +135,13 @@ def test_an_attack_goes_through_what_artery_told_of_it(
     assert found["outcomes"]["own"] == len(sent)
     assert found["outcomes"]["received"] == sum(found["received"])
     assert 0.2e-3 < found["delay_mean_s"] < 1e-3
+
+
+@pytest.mark.usefixtures("artery_again")
+@pytest.mark.parametrize("keys", [{"attackers": {"share": 0.5}}, {"type": "cam-position-offset"}])
+def test_artery_is_told_of_another_attack(drive: Path, tmp_path: Path, keys: dict[str, object]) -> None:
+    with pytest.raises(AdvpipeError, match="is not the one that was recorded"):
+        attack_through_artery(drive, tmp_path / "bag", **keys)
 
 
 def test_a_drive_with_packets_has_arterys(tmp_path: Path, standin: Callable[..., Path]) -> None:
