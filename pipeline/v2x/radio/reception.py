@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -23,6 +23,9 @@ from advpipe.pipeline.v2x.radio.stations import (
     UInt64,
 )
 from advpipe.pipeline.v2x.section import Radio
+
+BLOCK_CELLS = 1 << 17
+"""Pairs of messages times stations that are looked at together: a MB, also where a thousand stations send."""
 
 
 class Receiver:
@@ -53,7 +56,7 @@ class Receiver:
         sinr_db = power_dbm - radio.noise_dbm
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = ~is_audible * np.uint8(Outcome.WEAK)  # the others are RECEIVED, which is 0
-        overlaps = _overlaps(final, start_ns, end_ns, on_air, count)
+        overlaps = _overlaps(final, start_ns, end_ns, on_air)
         disturbed = self._disturb(sinr_db, overlaps)
         keys = key.view(np.uint64)
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
@@ -90,24 +93,26 @@ class Receiver:
         if self._radio.interference and len(overlaps.one):
             disturbed[overlaps.one] = True
             interference_mw = dict.fromkeys(overlaps.one.tolist(), 0.0)
-            for one, power_mw in zip(overlaps.one.tolist(), 10 ** (overlaps.other_dbm / 10), strict=True):
-                interference_mw[one] = interference_mw[one] + power_mw
+            for pairs, other_dbm in overlaps.blocks(np.arange(len(overlaps.one))):
+                for one, power_mw in zip(overlaps.one[pairs].tolist(), 10 ** (other_dbm / 10), strict=True):
+                    interference_mw[one] = interference_mw[one] + power_mw
             noise_mw = 10 ** (self._radio.noise_dbm / 10)
             ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
         return disturbed
 
     def _block(self, outcome: UInt8, power_dbm: Float64, overlaps: _Overlaps) -> None:
         """Note the stations that are locked on to an earlier message, or send."""
-        radio, one = self._radio, overlaps.one
-        if radio.interference and len(one):
-            is_weaker = power_dbm[one] < overlaps.other_dbm + radio.capture_threshold_db
-            is_locked = (
-                overlaps.is_earlier[:, None] & (overlaps.other_dbm >= radio.sensitivity_dbm) & is_weaker
-            )
-            pair, column = np.nonzero(is_locked & (outcome[one] != Outcome.WEAK))
-            outcome[one[pair], column] = Outcome.BUSY
+        radio = self._radio
+        if radio.interference:
+            for pairs, other_dbm in overlaps.blocks(np.flatnonzero(overlaps.is_earlier)):
+                one = overlaps.one[pairs]
+                is_locked = other_dbm >= radio.sensitivity_dbm
+                is_locked &= power_dbm[one] < other_dbm + radio.capture_threshold_db
+                is_locked &= outcome[one] != Outcome.WEAK
+                pair, column = np.nonzero(is_locked)
+                outcome[one[pair], column] = Outcome.BUSY
         sends = overlaps.other_sender >= 0
-        outcome[one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
+        outcome[overlaps.one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
 
     def _fails(self, luck: Float64, ratio_db: Float64, bits: Int64) -> Bool:
         """Whether messages have bit errors; all do below the configured threshold."""
@@ -137,21 +142,31 @@ class Receiver:
 class _Overlaps(NamedTuple):
     """The P pairs of messages on the air at the same time, by the first.
 
-    one: (P,), indices of the messages whose outcomes are decided. other_dbm: (P, S), powers of the other
-    ones; other_sender: (P,), columns of their senders; is_earlier: (P,), whether they started first.
+    one: (P,), indices of the messages whose outcomes are decided. other: (P,), indices of the other ones in
+    `on_air`; other_sender: (P,), columns of their senders; is_earlier: (P,), whether they started first.
     """
 
     one: Int64
-    other_dbm: Float64
+    other: Int64
     other_sender: Int64
     is_earlier: Bool
+    on_air: Sequence[RadioFrame]
+
+    def blocks(self, pairs: Int64) -> Iterator[tuple[Int64, Float64]]:
+        """Some (B) of the pairs after the other, with the powers (B, S) of the other messages in dBm.
+
+        All at once would take gigabytes where thousands of stations hear each other.
+        """
+        size = max(1, BLOCK_CELLS // max(1, len(self.on_air[0].power_dbm))) if len(pairs) else 1
+        for first in range(0, len(pairs), size):
+            some = pairs[first : first + size]
+            yield some, np.array([self.on_air[index].power_dbm for index in self.other[some].tolist()])
 
 
 def _overlaps(
-    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame], stations: int
+    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame]
 ) -> _Overlaps:
-    other_start_ns = np.array([frame.start_ns for frame in on_air], np.int64)
-    other_end_ns = np.array([frame.end_ns for frame in on_air], np.int64)
+    other_start_ns, other_end_ns, sender = _columns(on_air, "start_ns", "end_ns", "sender")
     _, row, column = _places((start_ns[:, None] < other_end_ns) & (other_start_ns < end_ns[:, None]))
     pairs = [
         (one, other)
@@ -159,13 +174,7 @@ def _overlaps(
         if on_air[other] is not final[one]
     ]
     one, other = np.array(pairs, np.int64).reshape(-1, 2).T
-    frames = [on_air[index] for index in other.tolist()]
-    return _Overlaps(
-        one,
-        _rows([frame.power_dbm for frame in frames], stations),
-        np.array([frame.sender for frame in frames], np.int64),
-        other_start_ns[other] < start_ns[one],
-    )
+    return _Overlaps(one, other, sender[other], other_start_ns[other] < start_ns[one], on_air)
 
 
 def _places(mask: Bool) -> tuple[Int64, Int64, Int64]:
