@@ -118,7 +118,7 @@ def test_a_failed_connection_leaves_ray_as_it_was(
     """Also a Ray whose internals are others."""
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     ray = Unreachable(**internals)
-    monkeypatch.setitem(sys.modules, "ray", ray)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "ray", ray)
     with pytest.raises(AdvpipeError, match=r"^no Ray cluster answers on this machine"), use_cluster("auto"):
         pass
     worker = getattr(getattr(ray, "_private", None), "worker", None)
