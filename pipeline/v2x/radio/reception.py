@@ -57,7 +57,7 @@ class Receiver:
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = ~is_audible * np.uint8(Outcome.WEAK)  # the others are RECEIVED, which is 0
         overlaps = _overlaps(final, start_ns, end_ns, on_air)
-        disturbed = self._disturb(sinr_db, overlaps)
+        disturbed, is_locked = self._interfere(sinr_db, power_dbm, overlaps)
         keys = key.view(np.uint64)
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
         luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.astype(np.uint64).take(column))
@@ -69,7 +69,9 @@ class Receiver:
         if len(place):
             fails = self._fails(luck, power_dbm.take(place) - radio.noise_dbm, bits.take(row))
             outcome.put(place[~fails], Outcome.INTERFERENCE)
-        self._block(outcome, power_dbm, overlaps)
+        outcome[is_locked & is_audible] = Outcome.BUSY
+        sends = overlaps.other_sender >= 0
+        outcome[overlaps.one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
         present = senders >= 0
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
         return ReceptionOutcomes(
@@ -87,32 +89,29 @@ class Receiver:
             dropped=dropped,
         )
 
-    def _disturb(self, ratio_db: Float64, overlaps: _Overlaps) -> Bool:
-        """Lower the signal-to-noise ratios (M, S) by the interference; whether (M,) there is any."""
-        disturbed = np.zeros(len(ratio_db), np.bool_)
-        if self._radio.interference and len(overlaps.one):
-            disturbed[overlaps.one] = True
-            interference_mw = dict.fromkeys(overlaps.one.tolist(), 0.0)
-            for pairs, other_dbm in overlaps.blocks(np.arange(len(overlaps.one))):
-                for one, power_mw in zip(overlaps.one[pairs].tolist(), 10 ** (other_dbm / 10), strict=True):
-                    interference_mw[one] = interference_mw[one] + power_mw
-            noise_mw = 10 ** (self._radio.noise_dbm / 10)
-            ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
-        return disturbed
+    def _interfere(self, ratio_db: Float64, power_dbm: Float64, overlaps: _Overlaps) -> tuple[Bool, Bool]:
+        """Lower the signal-to-noise ratios (M, S) by the interference.
 
-    def _block(self, outcome: UInt8, power_dbm: Float64, overlaps: _Overlaps) -> None:
-        """Note the stations that are locked on to an earlier message, or send."""
-        radio = self._radio
-        if radio.interference:
-            for pairs, other_dbm in overlaps.blocks(np.flatnonzero(overlaps.is_earlier)):
-                one = overlaps.one[pairs]
-                is_locked = other_dbm >= radio.sensitivity_dbm
-                is_locked &= power_dbm[one] < other_dbm + radio.capture_threshold_db
-                is_locked &= outcome[one] != Outcome.WEAK
-                pair, column = np.nonzero(is_locked)
-                outcome[one[pair], column] = Outcome.BUSY
-        sends = overlaps.other_sender >= 0
-        outcome[overlaps.one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
+        Returns whether (M,) there is any, and the stations (M, S) that are locked on to an earlier message.
+        """
+        radio, one = self._radio, overlaps.one
+        disturbed, is_locked = np.zeros(len(ratio_db), np.bool_), np.zeros(ratio_db.shape, np.bool_)
+        if not radio.interference or not len(one):
+            return disturbed, is_locked
+        interference_mw = dict.fromkeys(one.tolist(), 0.0)
+        for pairs, other_dbm in overlaps.blocks():
+            for message, power_mw in zip(one[pairs].tolist(), 10 ** (other_dbm / 10), strict=True):
+                interference_mw[message] = interference_mw[message] + power_mw
+            is_earlier = overlaps.is_earlier[pairs]
+            later, earlier_dbm = one[pairs][is_earlier], other_dbm[is_earlier]
+            locks = power_dbm[later] < earlier_dbm + radio.capture_threshold_db
+            locks &= earlier_dbm >= radio.sensitivity_dbm
+            pair, column = locks.nonzero()
+            is_locked[later[pair], column] = True
+        disturbed[one] = True
+        noise_mw = 10 ** (radio.noise_dbm / 10)
+        ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
+        return disturbed, is_locked
 
     def _fails(self, luck: Float64, ratio_db: Float64, bits: Int64) -> Bool:
         """Whether messages have bit errors; all do below the configured threshold."""
@@ -152,15 +151,16 @@ class _Overlaps(NamedTuple):
     is_earlier: Bool
     on_air: Sequence[RadioFrame]
 
-    def blocks(self, pairs: Int64) -> Iterator[tuple[Int64, Float64]]:
+    def blocks(self) -> Iterator[tuple[slice, Float64]]:
         """Some (B) of the pairs after the other, with the powers (B, S) of the other messages in dBm.
 
         All at once would take gigabytes where thousands of stations hear each other.
         """
-        size = max(1, BLOCK_CELLS // max(1, len(self.on_air[0].power_dbm))) if len(pairs) else 1
-        for first in range(0, len(pairs), size):
-            some = pairs[first : first + size]
-            yield some, np.array([self.on_air[index].power_dbm for index in self.other[some].tolist()])
+        others = self.other.tolist()
+        size = max(1, BLOCK_CELLS // max(1, len(self.on_air[0].power_dbm))) if others else 1
+        for first in range(0, len(others), size):
+            some = slice(first, first + size)
+            yield some, np.array([self.on_air[index].power_dbm for index in others[some]])
 
 
 def _overlaps(
@@ -168,12 +168,9 @@ def _overlaps(
 ) -> _Overlaps:
     other_start_ns, other_end_ns, sender = _columns(on_air, "start_ns", "end_ns", "sender")
     _, row, column = _places((start_ns[:, None] < other_end_ns) & (other_start_ns < end_ns[:, None]))
-    pairs = [
-        (one, other)
-        for one, other in zip(row.tolist(), column.tolist(), strict=True)
-        if on_air[other] is not final[one]
-    ]
-    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
+    index_of = dict(zip(on_air, range(len(on_air)), strict=True))
+    is_other = column != np.array([index_of[frame] for frame in final], np.int64)[row]
+    one, other = row[is_other], column[is_other]
     return _Overlaps(one, other, sender[other], other_start_ns[other] < start_ns[one], on_air)
 
 
