@@ -56,9 +56,12 @@ def recorded_receptions(
 
     Reads `v2x/rx/raw` and, where they are, `v2x/rx/info` and `ground_truth/receptions`, which belong
     together by their stamps. Raises AdvpipeError for topics of other types, and for a message beside
-    `v2x/rx/raw` that belongs to none on it.
+    `v2x/rx/raw` that belongs to none on it; where no packet is of the type, the two topics beside are not
+    read, and such a message is not found.
     """
     topics = VehicleTopics(vehicle)
+    for topic in (topics.received_raw, topics.reception_info, topics.true_receptions):
+        _refuse_other_type(reader, topic)
     packets = _by_place(reader, topics.received_raw, last_ns, partial(_message, kind=kind))
     if packets and not any(is_kind for is_kind, _ in packets.values()):
         return []
@@ -79,15 +82,18 @@ def recorded_receptions(
     ]
 
 
+def _refuse_other_type(reader: BagReader, topic: Topic) -> None:
+    known = reader.topics.get(topic.name)
+    if known is not None and known.type != topic.type:
+        raise AdvpipeError(f"{reader.path}: {topic.name} holds {known.type}, not {topic.type}")
+
+
 def _by_place(
     reader: BagReader, topic: Topic, last_ns: int | None, kept: Callable[[Any], T]
 ) -> dict[_Place, T]:
     """What is kept of each message of a topic; none of one that the bag does not have."""
-    known = reader.topics.get(topic.name)
-    if known is None:
+    if topic.name not in reader.topics:
         return {}
-    if known.type != topic.type:
-        raise AdvpipeError(f"{reader.path}: {topic.name} holds {known.type}, not {topic.type}")
     found: dict[_Place, T] = {}
     counts: Counter[int] = Counter()
     for _, message in reader.messages(topic.name, last_ns):

@@ -50,18 +50,26 @@ def use_cluster(address: str | None, device: str = "cpu") -> Iterator[None]:
         address = os.environ.get("RAY_ADDRESS") or AUTO
     _refuse_silent(address)
     ray = _loaded_ray()
-    is_ours = not ray.is_initialized()
-    if is_ours:
-        _connect(ray, address)
-    try:
-        engine = RayTasks(gpus=int(device == "cuda"))
-        engine.refuse_without_slots()
-        detail(f"cluster {address}: {engine.slots()} tasks at a time")
-        with use_engine(engine):
+    if ray.is_initialized():
+        with _engine_of(address, device):
             yield
-    finally:
-        if is_ours:
-            ray.shutdown()
+        return
+    with _own_messages(ray):
+        try:
+            _connect(ray, address)
+            with _engine_of(address, device):
+                yield
+        finally:
+            ray.shutdown()  # also half a connection, which one to other versions leaves
+
+
+@contextmanager
+def _engine_of(address: str, device: str) -> Iterator[None]:
+    engine = RayTasks(gpus=int(device == "cuda"))
+    engine.refuse_without_slots()
+    detail(f"cluster {address}: {engine.slots()} tasks at a time")
+    with use_engine(engine):
+        yield
 
 
 def _loaded_ray() -> Any:
@@ -98,7 +106,6 @@ def _refuse_silent(address: str) -> None:
 
 
 def _connect(ray: Any, address: str) -> None:
-    _take_messages(ray)
     with _own_signal_handlers():
         try:
             ray.init(address=address, namespace="advpipe", log_to_driver=False, logging_level="ERROR")
@@ -118,13 +125,23 @@ def _connect(ray: Any, address: str) -> None:
             raise AdvpipeError(f"the cluster at {address} cannot be used: {one_line(error, 300)}") from None
 
 
-def _take_messages(ray: Any) -> None:
-    """Say only with --verbose what Ray says of its nodes, such as of a lost one, which we say ourselves.
+@contextmanager
+def _own_messages(ray: Any) -> Iterator[None]:
+    """Within the block, say only with --verbose what Ray says of its nodes, such as of a lost one, which we
+    say ourselves.
 
     Ray prints it on standard output, where results go, and has no option against it.
     """
-    if hasattr(ray._private.worker, "print_to_stdstream"):
-        ray._private.worker.print_to_stdstream = _say_detail
+    worker = getattr(getattr(ray, "_private", None), "worker", None)
+    former = getattr(worker, "print_to_stdstream", None)
+    if worker is None or former is None:
+        yield
+        return
+    worker.print_to_stdstream = _say_detail
+    try:
+        yield
+    finally:
+        worker.print_to_stdstream = former
 
 
 def _say_detail(data: Mapping[str, Any], **_: Any) -> None:

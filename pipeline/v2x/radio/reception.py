@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -23,6 +23,9 @@ from advpipe.pipeline.v2x.radio.stations import (
     UInt64,
 )
 from advpipe.pipeline.v2x.section import Radio
+
+BLOCK_CELLS = 1 << 17
+"""Pairs of messages times stations that are looked at together: a MB, also where a thousand stations send."""
 
 
 class Receiver:
@@ -53,8 +56,8 @@ class Receiver:
         sinr_db = power_dbm - radio.noise_dbm
         is_audible = power_dbm >= radio.sensitivity_dbm
         outcome: UInt8 = ~is_audible * np.uint8(Outcome.WEAK)  # the others are RECEIVED, which is 0
-        overlaps = _overlaps(final, start_ns, end_ns, on_air, count)
-        disturbed = self._disturb(sinr_db, overlaps)
+        overlaps = _overlaps(final, start_ns, end_ns, on_air)
+        disturbed, is_locked = self._interfere(sinr_db, power_dbm, overlaps)
         keys = key.view(np.uint64)
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
         luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.astype(np.uint64).take(column))
@@ -66,7 +69,9 @@ class Receiver:
         if len(place):
             fails = self._fails(luck, power_dbm.take(place) - radio.noise_dbm, bits.take(row))
             outcome.put(place[~fails], Outcome.INTERFERENCE)
-        self._block(outcome, power_dbm, overlaps)
+        outcome[is_locked & is_audible] = Outcome.BUSY
+        sends = overlaps.other_sender >= 0
+        outcome[overlaps.one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
         present = senders >= 0
         outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
         return ReceptionOutcomes(
@@ -84,30 +89,29 @@ class Receiver:
             dropped=dropped,
         )
 
-    def _disturb(self, ratio_db: Float64, overlaps: _Overlaps) -> Bool:
-        """Lower the signal-to-noise ratios (M, S) by the interference; whether (M,) there is any."""
-        disturbed = np.zeros(len(ratio_db), np.bool_)
-        if self._radio.interference and len(overlaps.one):
-            disturbed[overlaps.one] = True
-            interference_mw = dict.fromkeys(overlaps.one.tolist(), 0.0)
-            for one, power_mw in zip(overlaps.one.tolist(), 10 ** (overlaps.other_dbm / 10), strict=True):
-                interference_mw[one] = interference_mw[one] + power_mw
-            noise_mw = 10 ** (self._radio.noise_dbm / 10)
-            ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
-        return disturbed
+    def _interfere(self, ratio_db: Float64, power_dbm: Float64, overlaps: _Overlaps) -> tuple[Bool, Bool]:
+        """Lower the signal-to-noise ratios (M, S) by the interference.
 
-    def _block(self, outcome: UInt8, power_dbm: Float64, overlaps: _Overlaps) -> None:
-        """Note the stations that are locked on to an earlier message, or send."""
+        Returns whether (M,) there is any, and the stations (M, S) that are locked on to an earlier message.
+        """
         radio, one = self._radio, overlaps.one
-        if radio.interference and len(one):
-            is_weaker = power_dbm[one] < overlaps.other_dbm + radio.capture_threshold_db
-            is_locked = (
-                overlaps.is_earlier[:, None] & (overlaps.other_dbm >= radio.sensitivity_dbm) & is_weaker
-            )
-            pair, column = np.nonzero(is_locked & (outcome[one] != Outcome.WEAK))
-            outcome[one[pair], column] = Outcome.BUSY
-        sends = overlaps.other_sender >= 0
-        outcome[one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
+        disturbed, is_locked = np.zeros(len(ratio_db), np.bool_), np.zeros(ratio_db.shape, np.bool_)
+        if not radio.interference or not len(one):
+            return disturbed, is_locked
+        interference_mw = dict.fromkeys(one.tolist(), 0.0)
+        for pairs, other_dbm in overlaps.blocks():
+            for message, power_mw in zip(one[pairs].tolist(), 10 ** (other_dbm / 10), strict=True):
+                interference_mw[message] = interference_mw[message] + power_mw
+            is_earlier = overlaps.is_earlier[pairs]
+            later, earlier_dbm = one[pairs][is_earlier], other_dbm[is_earlier]
+            locks = power_dbm[later] < earlier_dbm + radio.capture_threshold_db
+            locks &= earlier_dbm >= radio.sensitivity_dbm
+            pair, column = locks.nonzero()
+            is_locked[later[pair], column] = True
+        disturbed[one] = True
+        noise_mw = 10 ** (radio.noise_dbm / 10)
+        ratio_db[disturbed] -= 10 * np.log10(1 + np.array([*interference_mw.values()]) / noise_mw)
+        return disturbed, is_locked
 
     def _fails(self, luck: Float64, ratio_db: Float64, bits: Int64) -> Bool:
         """Whether messages have bit errors; all do below the configured threshold."""
@@ -137,35 +141,37 @@ class Receiver:
 class _Overlaps(NamedTuple):
     """The P pairs of messages on the air at the same time, by the first.
 
-    one: (P,), indices of the messages whose outcomes are decided. other_dbm: (P, S), powers of the other
-    ones; other_sender: (P,), columns of their senders; is_earlier: (P,), whether they started first.
+    one: (P,), indices of the messages whose outcomes are decided. other: (P,), indices of the other ones in
+    `on_air`; other_sender: (P,), columns of their senders; is_earlier: (P,), whether they started first.
     """
 
     one: Int64
-    other_dbm: Float64
+    other: Int64
     other_sender: Int64
     is_earlier: Bool
+    on_air: Sequence[RadioFrame]
+
+    def blocks(self) -> Iterator[tuple[slice, Float64]]:
+        """Some (B) of the pairs after the other, with the powers (B, S) of the other messages in dBm.
+
+        All at once would take gigabytes where thousands of stations hear each other.
+        """
+        others = self.other.tolist()
+        size = max(1, BLOCK_CELLS // max(1, len(self.on_air[0].power_dbm))) if others else 1
+        for first in range(0, len(others), size):
+            some = slice(first, first + size)
+            yield some, np.array([self.on_air[index].power_dbm for index in others[some]])
 
 
 def _overlaps(
-    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame], stations: int
+    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame]
 ) -> _Overlaps:
-    other_start_ns = np.array([frame.start_ns for frame in on_air], np.int64)
-    other_end_ns = np.array([frame.end_ns for frame in on_air], np.int64)
+    other_start_ns, other_end_ns, sender = _columns(on_air, "start_ns", "end_ns", "sender")
     _, row, column = _places((start_ns[:, None] < other_end_ns) & (other_start_ns < end_ns[:, None]))
-    pairs = [
-        (one, other)
-        for one, other in zip(row.tolist(), column.tolist(), strict=True)
-        if on_air[other] is not final[one]
-    ]
-    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
-    frames = [on_air[index] for index in other.tolist()]
-    return _Overlaps(
-        one,
-        _rows([frame.power_dbm for frame in frames], stations),
-        np.array([frame.sender for frame in frames], np.int64),
-        other_start_ns[other] < start_ns[one],
-    )
+    index_of = dict(zip(on_air, range(len(on_air)), strict=True))
+    is_other = column != np.array([index_of[frame] for frame in final], np.int64)[row]
+    one, other = row[is_other], column[is_other]
+    return _Overlaps(one, other, sender[other], other_start_ns[other] < start_ns[one], on_air)
 
 
 def _places(mask: Bool) -> tuple[Int64, Int64, Int64]:

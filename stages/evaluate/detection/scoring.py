@@ -159,6 +159,7 @@ def match(
         if space in spaces
     }
     uncounted = {space: _uncounted_overlap(truth.uncounted, detections, space) for space in spaces}
+    scores = np.asarray(detections.scores, np.float64)  # a detector's own may have other digits
     found_by = np.full((len(criteria), len(truth.boxes)), -1, dtype=np.int32)
     is_ignored = np.ones((len(criteria), len(detections)), dtype=bool)
     for name in classes:
@@ -168,7 +169,7 @@ def match(
             found = match_overlaps(
                 overlaps[space][np.ix_(theirs, mine)],
                 truth.is_evaluated[mine],
-                detections.scores[theirs],
+                scores[theirs],
                 min_iou,
             ).ignoring(uncounted[space][theirs] >= min_iou)
             found_by[row, mine] = np.append(theirs, -1)[found.found_by]
@@ -179,7 +180,7 @@ def match(
         truth.boxes.labels,
         truth.is_evaluated,
         detections.labels,
-        detections.scores,
+        scores,
         found_by,
         is_ignored,
     )

@@ -21,7 +21,7 @@ from advpipe.pipeline.messages.types import serialise
 from advpipe.pipeline.messages.v2x import StampedCdr, received_messages
 from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
-from advpipe.pipeline.v2x.message_type import DENM
+from advpipe.pipeline.v2x.message_type import CAM, DENM
 
 EGO = VehicleTopics("ego")
 
@@ -98,8 +98,9 @@ def test_topics_of_another_type(tmp_path: Path, topic: object) -> None:
     text = serialise(build.string("x"), "std_msgs/msg/String")
     other = replace(topic, type="std_msgs/msg/String")  # type: ignore[type-var]
     reader = bag_of(tmp_path / "bag", [*messages, (other, text, 100)])
-    with pytest.raises(AdvpipeError, match=r"holds std_msgs/msg/String, not \w+_msgs/msg/"):
-        recorded_receptions(reader, "ego")
+    for kind in (CAM, DENM):  # also where no packet is of the type
+        with pytest.raises(AdvpipeError, match=r"holds std_msgs/msg/String, not \w+_msgs/msg/"):
+            recorded_receptions(reader, "ego", kind=kind)
 
 
 def test_who_receives(tmp_path: Path) -> None:

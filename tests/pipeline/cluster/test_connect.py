@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import sys
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -79,3 +80,46 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(AdvpipeError, match=r"pip install 'advpipe\[cluster\]'"), use_cluster("auto"):
         pass
+
+
+class Unreachable(SimpleNamespace):
+    """A Ray of another version, or without a cluster."""
+
+    @staticmethod
+    def is_initialized() -> bool:
+        return False
+
+    @staticmethod
+    def init(**_: object) -> None:
+        raise ConnectionError
+
+    @staticmethod
+    def shutdown() -> None:
+        pass
+
+
+def own_printing(*_: object, **__: object) -> None:
+    """What Ray prints with."""
+
+
+@pytest.mark.parametrize(
+    "internals",
+    [
+        {},
+        {"_private": SimpleNamespace()},
+        {"_private": SimpleNamespace(worker=SimpleNamespace())},
+        {"_private": SimpleNamespace(worker=SimpleNamespace(print_to_stdstream=own_printing))},
+    ],
+    ids=["none", "no worker", "no printing", "printing"],
+)
+def test_a_failed_connection_leaves_ray_as_it_was(
+    monkeypatch: pytest.MonkeyPatch, internals: dict[str, SimpleNamespace]
+) -> None:
+    """Also a Ray whose internals are others."""
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    ray = Unreachable(**internals)
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    with pytest.raises(AdvpipeError, match=r"^no Ray cluster answers on this machine"), use_cluster("auto"):
+        pass
+    worker = getattr(getattr(ray, "_private", None), "worker", None)
+    assert getattr(worker, "print_to_stdstream", own_printing) is own_printing

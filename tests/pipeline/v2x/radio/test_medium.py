@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
+from advpipe.pipeline.v2x.radio import reception
 from advpipe.pipeline.v2x.radio.draws import message_keys
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
 from advpipe.pipeline.v2x.radio.stations import Outcome, Stations, Transmissions
@@ -132,6 +135,32 @@ def test_the_division_into_steps_changes_nothing() -> None:
     for one, other in zip(loads, whole[0].loads, strict=True):
         np.testing.assert_array_equal(one.busy_ratio, other.busy_ratio)
     assert len(set(whole[0].outcomes.outcome.ravel().tolist())) == 7  # everything occurs
+
+
+@pytest.mark.parametrize("cells", [1, 40 * 7, 40 * 1000])
+def test_the_division_into_blocks_changes_nothing(cells: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the last bit: the borders lie between the pairs of one message, too."""
+    stations, sent = random_drive()
+    (whole,) = in_steps(Radio(), stations, sent, [400])
+    monkeypatch.setattr(reception, "BLOCK_CELLS", cells)
+    (cut,) = in_steps(Radio(), stations, sent, [400])
+    for name in ("outcome", "sinr_db", "arrival_ns"):
+        assert getattr(cut.outcomes, name).tobytes() == getattr(whole.outcomes, name).tobytes(), name
+
+
+def test_overlapping_messages_take_no_memory_of_their_own() -> None:
+    """300 stations that do not hear each other send at once: 89,700 pairs, whose powers would take 215 MB."""
+    stations = on_a_road(*np.linspace(0, 3e5, 300))
+    sent = sending([*range(10, 310)], [1.0] * 300, cam_bytes=300)
+    medium = Medium(PLAIN, seed=1)
+    tracemalloc.start()
+    try:
+        found = medium.advance(100 * MS, stations, sent).outcomes
+        _, most_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert found.outcome.shape == (300, 300)
+    assert most_bytes < 40e6
 
 
 def test_an_unchanged_message_has_the_same_outcome() -> None:

@@ -63,3 +63,12 @@ def test_all_classes_together_are_the_classes_in_turn(scene):
     assert found.any()
     assert wrong.any()
     assert not found[~truth.is_evaluated].any()
+
+
+def test_scores_of_a_detector_in_single_precision_become_double(scene):
+    """What adds them up would lose digits over a drive, and figures of several detectors would differ."""
+    truth, detections = scene
+    single = Detections(detections.boxes, detections.scores.astype(np.float32), detections.labels)
+    matches = match(truth, single, KNOWN)
+    assert matches.scores.dtype == matches["loose", "car"].scores.dtype == np.float64
+    np.testing.assert_array_equal(matches.scores, single.scores)
