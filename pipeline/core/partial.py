@@ -106,7 +106,9 @@ class PartialFolder:
                 self._remove_leftovers(kept=1)
                 self.path = _make_hidden(final)
                 self._lock = _lock(self.path)
-        except OSError:
+        except BaseException:  # an interruption, too
+            if "path" in vars(self):
+                remove_folder(self.path)
             self._remove_new_parents()
             raise
 

@@ -32,6 +32,7 @@ NO_FIGURE = {
     "pipeline/core/document.py",
     "pipeline/core/errors.py",
     "pipeline/core/figure.py",
+    "pipeline/core/gc_freeze.py",
     "pipeline/core/hashing.py",
     "pipeline/core/html_page.py",
     "pipeline/core/option_names.py",
