@@ -19,3 +19,10 @@ def images(bag: Path, topic: str = FRONT) -> list[RawMessage]:
 
 def labels(bag: Path) -> list[dict[str, Any]]:
     return pq.read_table(bag / "camera_labels.parquet").to_pylist()
+
+
+def same(one: RawMessage, other: RawMessage) -> bool:
+    """Whether two messages agree in their bytes and times."""
+    return (one.cdr, one.log_time_ns, one.publish_time_ns) == (
+        *(other.cdr, other.log_time_ns, other.publish_time_ns),
+    )
