@@ -38,11 +38,15 @@ mkdir -p "$sources"
 sources=$(cd "$sources" && pwd)
 omnetpp=$sources/omnetpp artery=$sources/artery
 [ -d "$omnetpp" ] || git clone --depth 1 --branch omnetpp-5.6.2 https://github.com/omnetpp/omnetpp "$omnetpp"
-if [ ! -d "$artery" ]; then
-    git clone https://github.com/riebl/artery "$artery"
+if [ ! -f "$artery/CMakeLists.txt" ]; then
+    git init --quiet "$artery"
+    git -C "$artery" fetch --depth 1 https://github.com/riebl/artery $artery_commit
     git -C "$artery" checkout --quiet $artery_commit
-    git -C "$artery" submodule update --init --depth 1 extern/inet extern/vanetza extern/veins
 fi
+for part in inet vanetza veins; do # also those that an interrupted run did not get
+    [ -n "$(ls -A "$artery/extern/$part" 2>/dev/null)" ] || [ ! -e "$artery/.git" ] ||
+        git -C "$artery" submodule update --init --depth 1 "extern/$part"
+done
 grep -q 'omnetpp-5\.6\.' "$omnetpp/Version" || fail "$omnetpp is not OMNeT++ 5.6: $(cat "$omnetpp/Version")"
 for part in inet/src vanetza/vanetza veins/src; do
     [ -d "$artery/extern/$part" ] || fail "$artery/extern/${part%%/*} is empty; get Artery's submodules"
