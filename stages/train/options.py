@@ -17,8 +17,8 @@ class TrainOptions:
     """The network to train, and how to train it.
 
     family, preset: see `detector.families`. steps: None for the number of epochs in `TrainConfig`.
-    start: a checkpoint of the same preset whose weights the run starts from. validation: a bag of another
-    drive, for the average precision.
+    start: a checkpoint of the same preset, or of another family with most of its layers, whose weights the
+    run starts from. validation: a bag of another drive, for the average precision.
     """
 
     family: str = option("second", "Architecture of the detector.")

@@ -36,6 +36,7 @@ from advpipe.stages.train.log import VALIDATIONS, Log, plot_training, step_colum
 from advpipe.stages.train.maps import training_maps
 from advpipe.stages.train.mounts import expected_height, mounts_of_frames
 from advpipe.stages.train.reading import cropped_frames
+from advpipe.stages.train.start import start_from
 from advpipe.stages.train.state import TrainState
 from advpipe.stages.train.status import Status
 from advpipe.stages.train.validate import ClassPrecision, ValidationDrive, strict_percents
@@ -183,17 +184,9 @@ def new_net(config: TrainConfig) -> DetectionNetwork:
     """The network before the first step: random weights, or those of the checkpoint to start from."""
     net = family_named(config.family).network(config.preset)
     if config.start is not None:
-        start = load_checkpoint(config.start).net
-        if start.preset != net.preset:
-            raise UsageError(f"{config.start} holds {_named(start)}, not {_named(net)}")
-        net.load_state_dict(start.state_dict())
+        start_from(net, config.start)
     channels_last: DetectionNetwork = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     return channels_last
-
-
-def _named(net: DetectionNetwork) -> str:
-    family = "" if net.preset.family == "second" else f" of family {net.preset.family!r}"
-    return f"preset {net.preset.name!r}{family}"
 
 
 def store_frames(digests: dict[Path, str], folder: RunFolder, config: TrainConfig) -> FrameStore:
