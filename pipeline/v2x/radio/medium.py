@@ -117,8 +117,8 @@ class Medium:
         )
         scalars = zip(*(column.tolist() for column in columns), strict=True)
         frames = [
-            RadioFrame(*values, power, distance, heard)
-            for values, power, distance, heard in zip(scalars, received_dbm, distance_m, hearing, strict=True)
+            RadioFrame(*values, *rows)
+            for values, *rows in zip(scalars, received_dbm, distance_m, hearing, strict=True)
         ]
         return sorted(frames, key=_BY_REQUEST)
 

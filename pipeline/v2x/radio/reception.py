@@ -69,11 +69,11 @@ class Receiver:
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
         ids = stations.ids.view(np.uint64)
         luck = self._draws.of_some_pairs("errors", keys, ids, row, column)
-        (fails,) = self._fails(luck, sinr_db.take(place), bits.take(row)).nonzero()
-        place, row = place.take(fails), row.take(fails)
+        (failed,) = self._fails(luck, sinr_db.take(place), bits.take(row)).nonzero()
+        place, row, luck = place.take(failed), row.take(failed), luck.take(failed)
         outcome.put(place, _NOISE)
         among = disturbed.take(row)
-        place, row, luck = place[among], row[among], luck.take(fails)[among]
+        place, row, luck = place[among], row[among], luck[among]
         if len(place):
             fails = self._fails(luck, power_dbm.take(place) - radio.noise_dbm, bits.take(row))
             outcome.put(place[~fails], _INTERFERENCE)
