@@ -104,7 +104,7 @@ class RecordedMedium:
         shape = len(messages), len(stations.ids)
         outcome = np.full(shape, Outcome.WEAK, np.uint8)
         power_dbm, sinr_db = np.full(shape, np.nan), np.full(shape, np.nan)
-        arrival_ns, end_ns = np.zeros(shape, np.int64), np.zeros(shape[0], np.int64)
+        delay_ns, end_ns = np.zeros(shape, np.int64), np.zeros(shape[0], np.int64)
         column = {station: index for index, station in enumerate(stations.ids.tolist())}
         distance_m = np.full(shape, np.inf)  # of a sender that has left
         for row, message in enumerate(messages):
@@ -118,7 +118,7 @@ class RecordedMedium:
                 if (place := column.get(reception.receiver)) is not None:
                     outcome[row, place] = Outcome.RECEIVED
                     power_dbm[row, place], sinr_db[row, place] = reception.power_dbm, reception.sinr_db
-                    arrival_ns[row, place] = max(reception.arrival_ns, self._now_ns)
+                    delay_ns[row, place] = max(reception.arrival_ns, self._now_ns) - end_ns[row]
         request_ns = np.array([message.request_ns for message in messages], np.int64)
         return ReceptionOutcomes(
             messages=np.array([message.number for message in messages], np.int64),
@@ -131,6 +131,6 @@ class RecordedMedium:
             power_dbm=power_dbm,
             sinr_db=sinr_db,
             distance_m=distance_m,
-            arrival_ns=arrival_ns,
+            delay_ns=delay_ns,
             dropped=np.array([message.number for message in dropped], np.int64),
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from advpipe.pipeline.labels.quantity import Quantity
 from advpipe.pipeline.localisation.geodesy import Geodesy
@@ -12,8 +12,7 @@ from advpipe.pipeline.v2x.codec import quantities as q
 from advpipe.pipeline.v2x.facilities.cam_values import Values
 
 
-@dataclass(frozen=True)
-class MessageChange:
+class MessageChange(NamedTuple):
     """A message as one attack was given it and as it handed it on.
 
     before, after: its values; None if it is no CAM or was added. delay_s: how much later it is sent, 0 for a

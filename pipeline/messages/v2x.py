@@ -28,7 +28,7 @@ from advpipe.pipeline.v2x.codec.btp import btp_packet
 from advpipe.pipeline.v2x.codec.cam_error import MessageError
 from advpipe.pipeline.v2x.codec.message_codec import MessageTree
 from advpipe.pipeline.v2x.message_type import MessageType, message_type_of
-from advpipe.pipeline.v2x.radio.stations import Stations
+from advpipe.pipeline.v2x.radio.stations import Int64, Stations
 from advpipe.pipeline.v2x.radio.vehicle_loss import Bodies
 from advpipe.pipeline.v2x.section import V2x
 
@@ -41,6 +41,13 @@ class RadioPlace(NamedTuple):
     map_SE3_base: Float64
     size_m: tuple[float, float, float]
     velocity_mps: Float64
+
+
+class RadioPlaces(tuple[RadioPlace, ...]):
+    """The radios of one message, whose ids (S,) and poses (S, 4, 4) are arrays as well."""
+
+    ids: Int64
+    poses: Float64
 
 
 class PseudonymUse(NamedTuple):
@@ -56,8 +63,11 @@ def stations_of(v2x: V2x, places: Sequence[RadioPlace]) -> Stations:
 
     The vehicles have bodies where `v2x.radio.vehicle_loss` makes them obstacles.
     """
-    ids = np.array([place.station_id for place in places], np.int64)
-    poses = np.frombuffer(b"".join([place.map_SE3_base.tobytes() for place in places])).reshape(-1, 4, 4)
+    if isinstance(places, RadioPlaces):
+        ids, poses = places.ids, places.poses
+    else:
+        ids = np.array([place.station_id for place in places], np.int64)
+        poses = np.frombuffer(b"".join([place.map_SE3_base.tobytes() for place in places])).reshape(-1, 4, 4)
     bodies = None if v2x.radio.vehicle_loss == "none" else _bodies(places, poses)
     return Stations(ids, poses[:, :3, 3] + (0.0, 0.0, v2x.radio.antenna_height_m), bodies)
 
@@ -86,10 +96,10 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
     return V2X_STATIONS, bytes(cdr), stamp_ns
 
 
-def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
+def stations_of_message(message: Any) -> RadioPlaces:
     """The radios in a recorded message; their positions are exact."""
     poses = build.se3_from_poses([station.pose for station in message.stations])
-    return tuple(
+    places = RadioPlaces(
         RadioPlace(
             station.station_id,
             station.vehicle,
@@ -99,6 +109,9 @@ def stations_of_message(message: Any) -> tuple[RadioPlace, ...]:
         )
         for station, map_SE3_base in zip(message.stations, poses, strict=True)
     )
+    places.ids = np.array([place.station_id for place in places], np.int64)
+    places.poses = poses
+    return places
 
 
 def sent_message(sent: Sent) -> StampedCdr:

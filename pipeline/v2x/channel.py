@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -34,7 +33,14 @@ from advpipe.pipeline.v2x.message_type import CAM, CPM, is_cam, message_type_of
 from advpipe.pipeline.v2x.radio.buildings import Buildings
 from advpipe.pipeline.v2x.radio.load import WINDOW_NS, ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Medium, Step
-from advpipe.pipeline.v2x.radio.stations import Bool, Reception, ReceptionOutcomes, Stations, Transmissions
+from advpipe.pipeline.v2x.radio.stations import (
+    IN_ORDER,
+    Bool,
+    Reception,
+    ReceptionOutcomes,
+    Stations,
+    Transmissions,
+)
 from advpipe.pipeline.v2x.section import V2x
 from advpipe.pipeline.v2x.security.verifier import Rejection
 from advpipe.pipeline.v2x.stack import LINK_BYTES, ReceiverStack
@@ -289,12 +295,9 @@ class Channel:
         return trees, dict(zip(cams, reports, strict=True))
 
 
-_IN_ORDER = attrgetter("arrival_ns", "receiver", "message")
-
-
 def _due(receptions: Iterable[Reception], until_ns: int) -> tuple[list[Reception], list[Reception]]:
     """Those that arrived by then, and the later ones, both in the order of arrival."""
-    in_order = sorted(receptions, key=_IN_ORDER)
+    in_order = sorted(receptions, key=IN_ORDER)
     due = [reception for reception in in_order if reception.arrival_ns <= until_ns]
     return due, in_order[len(due) :]
 

@@ -17,7 +17,7 @@ from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.v2x.message_type import CAM
 from advpipe.pipeline.v2x.radio.load import ChannelLoad
 from advpipe.pipeline.v2x.radio.medium import Step
-from advpipe.pipeline.v2x.radio.stations import Bool, Int64, Outcome, ReceptionOutcomes
+from advpipe.pipeline.v2x.radio.stations import RECEIVED, Bool, Int64, Outcome, ReceptionOutcomes
 
 BIN_M = 50.0
 BINS = 30
@@ -130,7 +130,7 @@ class Statistics:
 
 def _outcomes_by_distance(distance_m: Float64, outcome: npt.NDArray[np.uint8]) -> Int64:
     """Counts (BINS + 1, outcomes) of message-receiver pairs; the last row has those farther away."""
-    nth = np.minimum(distance_m / BIN_M, BINS).astype(np.int64)
+    nth = np.minimum(distance_m / BIN_M, BINS).astype(np.int32)
     nth *= _OUTCOMES
     nth += outcome
     counts = np.bincount(nth, minlength=(BINS + 1) * _OUTCOMES)
@@ -175,12 +175,13 @@ class Tally:
         by_outcome = counts.sum(axis=0)
         self._pairs += counts[:BINS].sum(axis=1)
         self._pairs[0] -= by_outcome[Outcome.OWN]  # the sender itself is not a pair
-        self._received += counts[:BINS, Outcome.RECEIVED]
+        self._received += counts[:BINS, RECEIVED]
         self._outcomes += by_outcome
-        delays_ns = outcomes.arrival_ns - outcomes.request_ns[:, None]
-        delays_ns *= outcomes.outcome == Outcome.RECEIVED
-        self._delay_sum_ns += int(delays_ns.sum())
-        self._delay_max_ns = max(self._delay_max_ns, int(delays_ns.max(initial=0)))
+        receptions = np.count_nonzero(outcomes.outcome == RECEIVED, axis=1)
+        sent_after_ns = outcomes.end_ns - outcomes.request_ns
+        self._delay_sum_ns += int(outcomes.delay_ns.sum() + receptions @ sent_after_ns)
+        delay_max_ns = (sent_after_ns + outcomes.delay_ns.max(axis=1, initial=0)) * (receptions > 0)
+        self._delay_max_ns = max(self._delay_max_ns, int(delay_max_ns.max(initial=0)))
         self._dropped += len(outcomes.dropped)
         self._add_senders(outcomes, np.ones(len(outcomes.messages), bool) if is_cam is None else is_cam)
         for load in step.loads:

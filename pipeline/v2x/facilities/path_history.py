@@ -40,6 +40,7 @@ class PathHistory:
 
     def __init__(self) -> None:
         self._points: deque[_Place] = deque(maxlen=MAX_PATH_POINTS + 1)
+        self._steps: deque[_Step] = deque(maxlen=MAX_PATH_POINTS + 1)  # from each point to the one before it
         self._latest: _Place | None = None
         self._reach_m = 0.0
         self._wedge: tuple[float, float, float] | None = None  # middle, and limits relative to it
@@ -50,11 +51,11 @@ class PathHistory:
         """Add the vehicle's next position; times ascend."""
         place = _Place(time_ns, latitude_deg, longitude_deg, altitude_m)
         if self._latest is None:
-            self._points.append(place)
+            self._append(place)
             self._latest = place
         elif _distance_m(self._latest, place) >= _MIN_MOVE_M:
             if not self._fits(place):
-                self._points.append(self._latest)
+                self._append(self._latest)
                 self._reach_m, self._wedge = 0.0, None
                 self._fits(place)
             self._latest = place
@@ -68,18 +69,23 @@ class PathHistory:
         rounding does not add up.
         """
         points: list[PathPoint] = []
-        before = _Place(time_ns, latitude_deg, longitude_deg, altitude_m)
+        before, step = _Place(time_ns, latitude_deg, longitude_deg, altitude_m), None
         length_m = 0.0
-        for place in reversed(self._points):
+        for place, next_step in zip(reversed(self._points), reversed(self._steps), strict=True):
             if _ticks(place.time_ns) >= _ticks(before.time_ns):
+                step = None
                 continue  # the reference position itself
-            delta = _delta(before, place)
+            delta, step_m = step or _step(before, place)
             if delta is None or len(points) == MAX_PATH_POINTS or length_m >= MIN_LENGTH_M:
                 break
             points.append(delta)
-            length_m += _distance_m(before, place)
-            before = place
+            length_m += step_m
+            before, step = place, next_step
         return tuple(points)
+
+    def _append(self, place: _Place) -> None:
+        self._steps.append(_step(place, self._points[-1]) if self._points else (None, 0.0))
+        self._points.append(place)
 
     def _fits(self, place: _Place) -> bool:
         """Whether a line from the last point to `place` passes all positions since; narrows the wedge."""
@@ -103,6 +109,14 @@ class PathHistory:
             return False
         self._wedge = middle_rad, max(low_rad, off_rad - half_rad), min(high_rad, off_rad + half_rad)
         return True
+
+
+_Step = tuple[PathPoint | None, float]
+
+
+def _step(before: _Place, place: _Place) -> _Step:
+    """The path point from one position to an earlier one, and the distance in metres."""
+    return _delta(before, place), _distance_m(before, place)
 
 
 def _offset_m(origin: _Place, place: _Place) -> tuple[float, float]:

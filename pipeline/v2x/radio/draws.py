@@ -14,6 +14,7 @@ import numpy.typing as npt
 from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.geometry.transforms import Float64
 
+Int64 = npt.NDArray[np.int64]
 UInt64 = npt.NDArray[np.uint64]
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -60,6 +61,12 @@ class Draws:
     def of_pairs(self, use: str, keys: UInt64, receivers: UInt64) -> Float64:
         """Numbers in (0, 1) for messages (...) and receivers (...), whose shapes are broadcast."""
         return _uniform(_mixed(mix(keys ^ self._of_use(use)) + receivers * GOLDEN))
+
+    def of_some_pairs(self, use: str, keys: UInt64, receivers: UInt64, row: Int64, column: Int64) -> Float64:
+        """As `of_pairs` (N,) of messages (M,) in these rows (N,) and receivers (S,) in these columns (N,)."""
+        state = mix(keys ^ self._of_use(use)).take(row)
+        state += (receivers * GOLDEN).take(column)
+        return _uniform(_mixed(state))
 
     def _of_use(self, use: str) -> np.uint64:
         if use not in self._uses:

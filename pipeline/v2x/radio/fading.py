@@ -39,7 +39,7 @@ def nakagami_db(uniform: Float64, distance_m: Float64) -> Float64:
     places -= starts
     shape = np.zeros(distance_m.shape, np.uint8)
     for edge_m in NAKAGAMI_UP_TO_M:  # faster than a binary search
-        shape += distance_m > edge_m
+        shape += (distance_m > edge_m).view(np.uint8)
     table_db, steps_db = _quantiles_db()
     starts += shape * np.int64(table_db.shape[1])
     gain_db: Float64 = steps_db.take(starts)

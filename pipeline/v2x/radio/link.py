@@ -66,7 +66,7 @@ class Link:
 
 def _distances_m(places_m: Float64, rows: Int64) -> Float64:
     """Distances (M, S) of the places in these rows (M,) from all places (S, 3)."""
-    squares_m2 = [np.square(axis[rows, None] - axis) for axis in places_m.T]
+    squares_m2 = [np.square(axis[rows, None] - axis) for axis in np.ascontiguousarray(places_m.T)]
     distance_m: Float64 = squares_m2[0]
     for square_m2 in squares_m2[1:]:
         distance_m += square_m2

@@ -43,13 +43,14 @@ def busy_ratio(frames: Sequence[RadioFrame], stations: int, end_ns: int) -> Floa
         return np.zeros(stations)
     window_ns = end_ns - WINDOW_NS
     bounds_ns = [frame.start_ns for frame in frames], [frame.end_ns for frame in frames]
-    start_ns, stop_ns = np.clip(np.array(bounds_ns) - window_ns, 0, WINDOW_NS).astype(np.int32)
+    within_ns = np.minimum(np.maximum(np.array(bounds_ns) - window_ns, 0), WINDOW_NS)
+    start_ns, stop_ns = within_ns.astype(np.int32)
     hearing = np.array([frame.hearing for frame in frames])
     is_alone = np.ones(len(frames), np.bool_)
     follows = start_ns[1:] >= np.maximum.accumulate(stop_ns)[:-1]
     is_alone[1:] &= follows
     is_alone[:-1] &= follows
-    alone_ns = ((stop_ns - start_ns) * is_alone) @ hearing
+    alone_ns = ((stop_ns - start_ns) * is_alone).astype(np.float64) @ hearing  # whole, so exact
     (among,) = (~is_alone).nonzero()
     busy: Float64 = (alone_ns + _union_ns(start_ns[among], stop_ns[among], hearing[among])) / WINDOW_NS
     return busy

@@ -29,11 +29,15 @@ def dual_slope_db(distance_m: Float64, radio: Radio) -> Float64:
         np.array(radio.critical_distance_m),
         free_space_db(np.array(REFERENCE_M), radio),
     )
-    is_far = distance_m > critical_m
-    loss_db = np.where(is_far, distance_m / critical_m, np.maximum(distance_m, REFERENCE_M))
-    np.log10(loss_db, out=loss_db)
-    loss_db *= np.where(is_far, 10 * radio.far_exponent, 10 * radio.near_exponent)
-    loss_db += np.where(is_far, reference_db + 10 * radio.near_exponent * np.log10(critical_m), reference_db)
+    with np.errstate(divide="ignore"):  # no distance at all is near
+        loss_db = np.asarray(np.log10(distance_m / critical_m))
+    loss_db *= 10 * radio.far_exponent
+    loss_db += reference_db + 10 * radio.near_exponent * np.log10(critical_m)
+    (near,) = np.nonzero((distance_m <= critical_m).ravel())  # a few: sooner done apart than by masks
+    near_db = np.log10(np.maximum(distance_m.take(near), REFERENCE_M))
+    near_db *= 10 * radio.near_exponent
+    near_db += reference_db
+    loss_db.put(near, near_db)
     return loss_db
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from advpipe.pipeline.v2x.radio.error_rate import error_free_snr_db, is_lost
 from advpipe.pipeline.v2x.radio.frame import RadioFrame
 from advpipe.pipeline.v2x.radio.path_loss import SPEED_OF_LIGHT_MPS
 from advpipe.pipeline.v2x.radio.stations import (
+    RECEIVED,
     Bool,
     Int64,
     Outcome,
@@ -23,6 +25,11 @@ from advpipe.pipeline.v2x.radio.stations import (
     UInt64,
 )
 from advpipe.pipeline.v2x.section import Radio
+
+_OWN, _SENDING, _WEAK, _BUSY, _NOISE, _INTERFERENCE = (
+    each.value for each in Outcome if each is not Outcome.RECEIVED
+)
+"""As plain numbers, see `RECEIVED`."""
 
 BLOCK_CELLS = 1 << 17
 """Pairs of messages times stations that are looked at together: a MB, also where a thousand stations send."""
@@ -55,25 +62,26 @@ class Receiver:
         distance_m = _rows([frame.distance_m for frame in final], count)
         sinr_db = power_dbm - radio.noise_dbm
         is_audible = power_dbm >= radio.sensitivity_dbm
-        outcome: UInt8 = ~is_audible * np.uint8(Outcome.WEAK)  # the others are RECEIVED, which is 0
-        overlaps = _overlaps(final, start_ns, end_ns, on_air)
+        outcome: UInt8 = ~is_audible * np.uint8(_WEAK)  # the others are RECEIVED, which is 0
+        overlaps = _overlaps(message, start_ns, end_ns, on_air)
         disturbed, is_locked = self._interfere(sinr_db, power_dbm, overlaps)
         keys = key.view(np.uint64)
         place, row, column = _places(is_audible & (sinr_db < self._flawless_db))
-        luck = self._draws.of_pairs("errors", keys.take(row), stations.ids.astype(np.uint64).take(column))
-        fails = self._fails(luck, sinr_db.take(place), bits.take(row))
-        place, row, luck = place[fails], row[fails], luck[fails]
-        outcome.put(place, Outcome.NOISE)
+        ids = stations.ids.view(np.uint64)
+        luck = self._draws.of_some_pairs("errors", keys, ids, row, column)
+        (failed,) = self._fails(luck, sinr_db.take(place), bits.take(row)).nonzero()
+        place, row, luck = place.take(failed), row.take(failed), luck.take(failed)
+        outcome.put(place, _NOISE)
         among = disturbed.take(row)
         place, row, luck = place[among], row[among], luck[among]
         if len(place):
             fails = self._fails(luck, power_dbm.take(place) - radio.noise_dbm, bits.take(row))
-            outcome.put(place[~fails], Outcome.INTERFERENCE)
-        outcome[is_locked & is_audible] = Outcome.BUSY
+            outcome.put(place[~fails], _INTERFERENCE)
+        outcome[is_locked & is_audible] = _BUSY
         sends = overlaps.other_sender >= 0
-        outcome[overlaps.one[sends], overlaps.other_sender[sends]] = Outcome.SENDING
+        outcome[overlaps.one[sends], overlaps.other_sender[sends]] = _SENDING
         present = senders >= 0
-        outcome[np.flatnonzero(present), senders[present]] = Outcome.OWN
+        outcome[np.flatnonzero(present), senders[present]] = _OWN
         return ReceptionOutcomes(
             messages=message,
             senders=sender_id,
@@ -85,7 +93,7 @@ class Receiver:
             power_dbm=power_dbm,
             sinr_db=sinr_db,
             distance_m=distance_m,
-            arrival_ns=self._arrival_ns(end_ns, distance_m, keys, stations, outcome),
+            delay_ns=self._delay_ns(distance_m, keys, ids, outcome == RECEIVED),
             dropped=dropped,
         )
 
@@ -118,24 +126,21 @@ class Receiver:
         lost = is_lost(luck, ratio_db, bits, self._channel_bitrate_mbps)
         return lost | (ratio_db < self._radio.snir_threshold_db)
 
-    def _arrival_ns(
-        self, end_ns: Int64, distance_m: Float64, keys: UInt64, stations: Stations, outcome: UInt8
-    ) -> Int64:
-        """Arrival of each received message (M, S) after air time, propagation and processing; else 0."""
-        is_received = outcome == Outcome.RECEIVED
+    def _delay_ns(self, distance_m: Float64, keys: UInt64, ids: UInt64, is_received: Bool) -> Int64:
+        """Propagation and processing of each received message (M, S); else 0."""
         low_s, high_s = self._radio.processing_delay_min_s, self._radio.processing_delay_max_s
-        delay_s = np.where(is_received, distance_m, 0.0)
-        delay_s /= SPEED_OF_LIGHT_MPS
+        delay_s = distance_m / SPEED_OF_LIGHT_MPS
         delay_s += low_s
         if high_s > low_s:
-            _, row, column = _places(is_received)
-            ids = stations.ids[column].astype(np.uint64)
-            delay_s[row, column] += (high_s - low_s) * self._draws.of_pairs("processing", keys[row], ids)
+            place, row, column = _places(is_received)
+            luck = self._draws.of_some_pairs("processing", keys, ids, row, column)
+            delay_s.ravel()[place] += (high_s - low_s) * luck
         delay_s *= 1e9
-        arrival_ns = np.rint(delay_s, out=delay_s).astype(np.int64)
-        arrival_ns += end_ns[:, None]
-        arrival_ns *= is_received
-        return arrival_ns
+        np.rint(delay_s, out=delay_s)
+        with np.errstate(invalid="ignore"):  # a station that has come since is infinitely far
+            delay_ns = delay_s.astype(np.int64)
+        delay_ns *= is_received
+        return delay_ns
 
 
 class _Overlaps(NamedTuple):
@@ -163,13 +168,10 @@ class _Overlaps(NamedTuple):
             yield some, np.array([self.on_air[index].power_dbm for index in others[some]])
 
 
-def _overlaps(
-    final: Sequence[RadioFrame], start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame]
-) -> _Overlaps:
-    other_start_ns, other_end_ns, sender = _columns(on_air, "start_ns", "end_ns", "sender")
+def _overlaps(message: Int64, start_ns: Int64, end_ns: Int64, on_air: Sequence[RadioFrame]) -> _Overlaps:
+    number, other_start_ns, other_end_ns, sender = _columns(on_air, "message", "start_ns", "end_ns", "sender")
     _, row, column = _places((start_ns[:, None] < other_end_ns) & (other_start_ns < end_ns[:, None]))
-    index_of = dict(zip(on_air, range(len(on_air)), strict=True))
-    is_other = column != np.array([index_of[frame] for frame in final], np.int64)[row]
+    is_other = number[column] != message[row]
     one, other = row[is_other], column[is_other]
     return _Overlaps(one, other, sender[other], other_start_ns[other] < start_ns[one], on_air)
 
@@ -187,5 +189,5 @@ def _rows(rows: Sequence[Float64], count: int) -> Float64:
 
 
 def _columns(frames: Sequence[RadioFrame], *names: str) -> list[Int64]:
-    columns = [[*map(attrgetter(name), frames)] for name in names]
-    return list(np.array(columns, np.int64).reshape(len(names), len(frames)))
+    values = chain.from_iterable(map(attrgetter(*names), frames))
+    return list(np.fromiter(values, np.int64).reshape(len(frames), len(names)).T.copy())

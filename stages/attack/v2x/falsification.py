@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
@@ -100,7 +101,7 @@ class Falsification(V2xAttack):
         x_m, y_m = zip(*(fields.pop(REFERENCE_POINT_M) for fields in moved), strict=True)
         latitude_deg, longitude_deg, _ = self.context.geodesy.to_geographic([x_m, y_m, [0.0] * len(moved)])
         for fields, north, east in zip(moved, latitude_deg.tolist(), longitude_deg.tolist(), strict=True):
-            if np.isfinite(north + east):
+            if math.isfinite(north + east):
                 fields |= {"latitude_deg": north, "longitude_deg": east}
 
 

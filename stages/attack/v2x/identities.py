@@ -21,10 +21,9 @@ class StationIdentities:
     def note(self, recorded: Iterable[Sent]) -> None:
         """Take in the recorded messages of a step."""
         for one in recorded:
-            header = one.payload[:HEADER_BYTES]
-            if len(header) == HEADER_BYTES:
-                self._newest[one.station_id] = header
-                self._radios[header[_MESSAGE:]] = one.station_id
+            if len(one.payload) >= HEADER_BYTES:
+                self._newest[one.station_id] = one.payload
+                self._radios[one.payload[_MESSAGE:HEADER_BYTES]] = one.station_id
 
     def of(self, radio: int) -> int:
         """What the station with this radio calls itself now."""

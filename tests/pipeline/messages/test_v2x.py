@@ -18,12 +18,14 @@ from advpipe.pipeline.messages.v2x import (
     sent_message,
     sent_of_message,
     stations_message,
+    stations_of,
     stations_of_message,
     udp_packet_cdr,
 )
 from advpipe.pipeline.v2x.channel import Received, Sent
 from advpipe.pipeline.v2x.codec.codec import decode_cam_tree
 from advpipe.pipeline.v2x.facilities.ldm import Verdict
+from advpipe.pipeline.v2x.section import V2x
 
 STAMP_NS = 1_767_268_800_250_000_001
 PLACES = tuple(
@@ -52,6 +54,9 @@ def test_stations_round_trip(count: int) -> None:
     found = stations_of_message(again(stamped))
     assert stamped[2] == STAMP_NS
     assert [one[:2] for one in found] == [one[:2] for one in PLACES[:count]]
+    one_by_one, at_once = stations_of(V2x(), tuple(found)), stations_of(V2x(), found)
+    assert (one_by_one.ids == at_once.ids).all()
+    assert (one_by_one.antenna_m == at_once.antenna_m).all()
     for one, expected in zip(found, PLACES, strict=False):
         assert one.size_m == expected.size_m
         assert (one.map_SE3_base[:3, 3] == expected.map_SE3_base[:3, 3]).all()  # the radio: to the bit

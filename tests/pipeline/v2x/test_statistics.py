@@ -34,7 +34,7 @@ def step(at_ms: int) -> Step:
         power_dbm=np.zeros((1, 3)),
         sinr_db=np.zeros((1, 3)),
         distance_m=np.array([[0.0, 60, 70]]),
-        arrival_ns=np.array([[0, request_ns[0] + MS, 0]]),
+        delay_ns=np.zeros((1, 3), np.int64),
         dropped=np.array([5]),
     )
     return Step(outcomes, (ChannelLoad(at_ms * MS, np.array([1, 2, 3]), np.array([0.1, 0.2, 0.3])),))

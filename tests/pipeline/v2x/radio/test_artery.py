@@ -43,7 +43,9 @@ def test_single_receptions_and_delays_in_free_space_equal_arterys() -> None:
             same += int((in_artery == here)[others].sum())
             pairs += int(others.sum())
             if in_artery.any() and here.any():
-                delay_us = outcomes.arrival_ns[row].max() / 1e3 - trace.cams["t"][message] * 1e6
+                delay_us = (outcomes.end_ns[row] + outcomes.delay_ns[row].max()) / 1e3 - trace.cams["t"][
+                    message
+                ] * 1e6
                 apart_us.append(delay_us - trace.cams["max_delay_us"][message])
     assert pairs > 170_000
     assert same / pairs > 0.999

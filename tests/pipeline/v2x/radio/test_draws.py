@@ -35,6 +35,9 @@ def test_a_draw_depends_only_on_its_message_and_receiver() -> None:
     keys, receivers = message_keys(np.arange(5), 7), np.arange(9, dtype=np.uint64)
     together = Draws(3).of_pairs("fading", keys[:, None], receivers[None])
     assert Draws(3).of_pairs("fading", keys[2:3], receivers[4:5])[0] == together[2, 4]
+    rows, columns = np.array([2, 0, 2]), np.array([4, 8, 0])
+    some = Draws(3).of_some_pairs("fading", keys, receivers, rows, columns)
+    assert (some == together[rows, columns]).all()
 
 
 def test_keys_distinguish_station_time_and_copy() -> None:

@@ -127,7 +127,7 @@ def test_the_division_into_steps_changes_nothing() -> None:
     stations, sent = random_drive()
     whole = in_steps(Radio(), stations, sent, [400])
     cut = in_steps(Radio(), stations, sent, [*range(3, 301, 9), 310, 400])
-    for name in ("messages", "start_ns", "outcome", "power_dbm", "sinr_db", "arrival_ns"):
+    for name in ("messages", "start_ns", "outcome", "power_dbm", "sinr_db", "end_ns", "delay_ns"):
         parts = [getattr(step.outcomes, name) for step in cut]
         np.testing.assert_array_equal(np.concatenate(parts), getattr(whole[0].outcomes, name), err_msg=name)
     loads = [load for step in cut for load in step.loads]
@@ -144,7 +144,7 @@ def test_the_division_into_blocks_changes_nothing(cells: int, monkeypatch: pytes
     (whole,) = in_steps(Radio(), stations, sent, [400])
     monkeypatch.setattr(reception, "BLOCK_CELLS", cells)
     (cut,) = in_steps(Radio(), stations, sent, [400])
-    for name in ("outcome", "sinr_db", "arrival_ns"):
+    for name in ("outcome", "sinr_db", "end_ns", "delay_ns"):
         assert getattr(cut.outcomes, name).tobytes() == getattr(whole.outcomes, name).tobytes(), name
 
 
