@@ -69,7 +69,8 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
     if not any(boxes.values()):
         raise AdvpipeError(
             f"{comparison.name}: in {counted(len(frames), 'frame')} no object of a class that the "
-            f"detector finds ({', '.join(classes)}) has {MIN_POINTS} points and lies in its range; evaluate more frames"
+            f"detector finds ({', '.join(classes)}) has {MIN_POINTS} points and lies in its range; evaluate "
+            "more frames"
         )
     in_map, notes = classes_in_map(boxes)
 
