@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import mcap.writer
 import numpy as np
@@ -52,7 +53,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The files whose messages were read, in order."""
     found, read = list[str](), McapFile.raw_messages
 
-    def noted(file: McapFile, *given: object) -> object:
+    def noted(file: McapFile, *given: Any) -> Iterator[RawMessage]:
         found.append(file.path.stem)
         return read(file, *given)
 
@@ -84,8 +85,8 @@ def test_the_order_is_that_of_all_files_read_at_once(tmp_path: Path, seed: int) 
         times_ns = np.sort(first_ns + rng.integers(0, 15, count)).tolist()
         files.append(file_of(tmp_path / f"{number}.mcap", times_ns, has_index=bool(rng.integers(0, 8))))
     sequence = FileSequence(files)
-    for first_ns, last_ns in [(None, None), (20, None), (None, 40), (17, 23), (30, 30), (70, 2)]:
-        assert list(sequence.raw_messages(None, first_ns, last_ns)) == merged(files, first_ns, last_ns)
+    for span_ns in [(None, None), (20, None), (None, 40), (17, 23), (30, 30), (70, 2)]:
+        assert list(sequence.raw_messages(None, *span_ns)) == merged(files, *span_ns)
 
 
 def test_the_span_of_a_file_without_messages_holds_no_time(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from advpipe.pipeline.bag.frames import read_frames
 from advpipe.pipeline.bag.part import BagSplit
+from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.mcap.reader import McapFile
@@ -25,7 +26,8 @@ def split_drive(clean_bag: Path, path: Path) -> Path:
     """The drive in three files of two clouds."""
     whole = BagReader(clean_bag)
     provenance = {**whole.provenance, "scenario": SCENARIO}
-    with BagWriter(path, provenance=provenance, split=BagSplit.of(provenance)) as writer:
+    split = BagSplit.of(Provenance(provenance))
+    with BagWriter(path, provenance=provenance, split=split) as writer:
         for raw in whole.raw_messages():
             writer.copy(raw)
     return path
