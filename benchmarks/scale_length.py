@@ -13,6 +13,10 @@ keeps the drives, and goes on with those there: what was made before is not meas
 Printed for each command: milliseconds of processor time a frame, and the most memory that a process took; and
 from one length to the next, what each further frame costs, in both. The mark: a further frame of the longest
 drive costs at most 1.25 times that of the second one; memory grows by at most 20 kB a frame.
+
+Frames of the same scenario are not of quite the same work: traffic comes and goes, and CAMs with it. So the
+messages of each further frame are printed beside its cost, for the reader to judge by. The mark is of frames
+all the same, and corrected for nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,6 +36,7 @@ from common import finish, machine, scratch
 
 from advpipe import Detections, Range
 from advpipe.pipeline.bag.frame_reader import FrameReader
+from advpipe.pipeline.bag.reader import BagReader
 
 FLAT, GROWTH_KB = 1.25, 20.0
 READS = 100
@@ -68,10 +73,11 @@ class MiddleOfPoints:
 
 @dataclass(frozen=True)
 class Cost:
-    """Of a command on a whole drive."""
+    """Of a command on a whole drive; messages: of the drive."""
 
     cpu_s: float
     peak_mb: float
+    messages: int = 0
 
 
 def commands(drive: Path, workers: int) -> Mapping[str, Sequence[str]]:
@@ -119,22 +125,28 @@ def measured(folder: Path, count: int, workers: int) -> dict[str, Cost]:
         if not (drive / name).exists()
     }
     opened_ms, read_ms = reading(drive)
+    messages = sum(topic.count for topic in BagReader(drive / "clean").topics.values())
     said = "; ".join(
         f"{name} {1e3 * cost.cpu_s / count:.1f} ms, {cost.peak_mb:.0f} MB" for name, cost in costs.items()
     )
     print(
-        f"{count:6,} frames: {said}; opened in {opened_ms:.1f} ms, a frame read in {read_ms:.2f} ms",
+        f"{count:6,} frames of {messages / count:.1f} messages: {said}; "
+        f"opened in {opened_ms:.1f} ms, a frame read in {read_ms:.2f} ms",
         flush=True,
     )
-    return costs
+    return {name: replace(cost, messages=messages) for name, cost in costs.items()}
 
 
 def further(name: str, shorter: tuple[int, Cost], longer: tuple[int, Cost]) -> tuple[float, float]:
-    """What each further frame costs, in ms of processor time and kB; printed, too."""
+    """What each further frame costs, in ms of processor time and kB; printed, too, with its messages."""
     (few, before), (many, after) = shorter, longer
     ms = 1e3 * (after.cpu_s - before.cpu_s) / (many - few)
     kb = 1e3 * (after.peak_mb - before.peak_mb) / (many - few)
-    print(f"    {name:<8} {few:6,} to {many:6,} frames: {ms:6.2f} ms and {kb:6.2f} kB for each further frame")
+    messages = (after.messages - before.messages) / (many - few)
+    print(
+        f"    {name:<8} {few:6,} to {many:6,} frames: {ms:6.2f} ms and {kb:6.2f} kB for each further frame, "
+        f"of {messages:.1f} messages"
+    )
     return ms, kb
 
 

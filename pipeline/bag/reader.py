@@ -19,7 +19,8 @@ from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.remote_path import located
 from advpipe.pipeline.core.verbosity import detail
 from advpipe.pipeline.mcap.channel import RawMessage, TopicInfo
-from advpipe.pipeline.mcap.reader import McapFile, in_time_order
+from advpipe.pipeline.mcap.file_sequence import FileSequence
+from advpipe.pipeline.mcap.reader import McapFile
 from advpipe.pipeline.messages.cloud import StampedCloud, cloud_from_cdr
 from advpipe.pipeline.messages.debug import is_debug
 from advpipe.pipeline.messages.message_bounds import implausibility
@@ -44,6 +45,7 @@ class BagReader:
     def __init__(self, path: Path, *, debug: bool = False) -> None:
         self.path, self._debug = located(path), debug
         self._files = [McapFile(file) for file in mcap_files(self.path)]
+        self._sequence = FileSequence(self._files)
         self._stores: dict[tuple[str, str], Typestore | AdvpipeError] = {}
         self._times_ns: dict[str, npt.NDArray[np.int64]] = {}
         detail(f"opened {self.path}: {', '.join(file.path.name for file in self._files)}")
@@ -88,7 +90,7 @@ class BagReader:
         if not self._debug:
             named = [name for file in self._files for name in file.counts] if topics is None else topics
             topics = [name for name in named if not is_debug(name)]
-        return in_time_order([file.raw_messages(topics, first_ns, last_ns) for file in self._files])
+        return self._sequence.raw_messages(topics, first_ns, last_ns)
 
     def messages(self, topic: str, last_ns: int | None = None) -> Iterator[tuple[int, Any]]:
         """Log time in ns and decoded message of one topic, in log-time order; up to `last_ns`, included."""

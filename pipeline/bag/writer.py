@@ -133,11 +133,13 @@ class BagWriter:
                 f"{written.topic.name}: the time stamp {raw.log_time_ns} ns is outside the range that a bag "
                 "can hold"
             )
-        with self._disk_errors():
+        try:
             if self._parts[-1].is_full(self._split, raw.log_time_ns, len(raw.cdr)):
                 self._parts[-1].finish(_single_lines(self._information()))
                 self._begin_part()
             self._parts[-1].add(raw, written.type_hash)
+        except OSError as error:  # `_disk_errors` would take as long as the rest: messages are many
+            raise self._disk_error(error) from None
         written.count += 1
 
     def _begin_part(self) -> None:
@@ -192,10 +194,11 @@ class BagWriter:
         try:
             yield
         except OSError as error:
-            error.filename = None  # the hidden folder's name would not help the user
-            raise AdvpipeError(
-                f"{final_path(self.path)}: cannot be written: {os_error_line(error)}"
-            ) from None
+            raise self._disk_error(error) from None
+
+    def _disk_error(self, error: OSError) -> AdvpipeError:
+        error.filename = None  # the hidden folder's name would not help the user
+        return AdvpipeError(f"{final_path(self.path)}: cannot be written: {os_error_line(error)}")
 
     def _information(self) -> dict[str, object]:
         """The content of metadata.yaml (rosbag2_storage's BagMetadata, version 8)."""

@@ -84,6 +84,7 @@ class PointTables:
         self._frames_writer = pq.ParquetWriter(str(folder / FRAMES), self._frames)
         self._rows: list[dict[str, object]] = []
         self._waiting: list[Any] = []
+        self._waiting_rows = 0
 
     def __enter__(self) -> PointTables:
         return self
@@ -127,7 +128,8 @@ class PointTables:
             pa.array(labels.places(len(frame.clean.cloud)).astype(np.int32)),
         ]
         self._waiting.append(pa.Table.from_arrays(columns, schema=self._points))
-        if sum(map(len, self._waiting)) >= GROUP_ROWS:
+        self._waiting_rows += len(labels)
+        if self._waiting_rows >= GROUP_ROWS:
             self._write_group()
 
     def _write_frames(self) -> None:
@@ -141,7 +143,7 @@ class PointTables:
 
         if self._waiting:
             self._points_writer.write_table(pa.concat_tables(self._waiting).unify_dictionaries())
-            self._waiting.clear()
+            self._waiting, self._waiting_rows = [], 0
 
 
 def _encoded(actions: npt.NDArray[np.str_]) -> Any:

@@ -35,6 +35,9 @@ from advpipe.pipeline.mcap.ros2_topic import ros2_topic
 from advpipe.pipeline.mcap.summary import add_definition, data_records, read_metadata, read_summary
 from advpipe.pipeline.mcap.unpacking import MESSAGE_BYTES, UnpackBudget
 
+LATEST_NS = 2**64 - 1
+"""The last log time that a file can hold."""
+
 WAITING_LIMIT_BYTES = 1 << 30
 """Most bytes of messages that are held back because chunks overlap in time."""
 
@@ -98,6 +101,17 @@ class McapFile:
             }
             self.counts = self._counts()
 
+    @cached_property
+    def span_ns(self) -> tuple[int, int]:
+        """The first and the last log time, as the index says; all times, where a file has none.
+
+        Without messages, a span that no time is in.
+        """
+        if not self.is_indexed:
+            return 0, LATEST_NS
+        starts_ns, ends_ns = self._chunk_times_ns
+        return (int(starts_ns.min()), int(ends_ns.max())) if len(starts_ns) else (LATEST_NS, 0)
+
     def log_times_ns(self, topic_name: str) -> npt.NDArray[np.int64]:
         """Log times (K,) int64 of a topic's messages in ns, ascending.
 
@@ -125,7 +139,7 @@ class McapFile:
         """
         names = set(self.counts if topic_names is None else topic_names)
         ids = {channel_id for channel_id, topic in self.topics.items() if topic.name in names}
-        first_ns, last_ns = first_ns or 0, 2**64 if last_ns is None else last_ns
+        first_ns, last_ns = first_ns or 0, LATEST_NS if last_ns is None else last_ns
         if self.is_indexed and not self._chunks_within(first_ns, last_ns):
             return  # one of many files of a bag, most of which stay closed
         with mcap_errors(self.path), self.path.open("rb") as stream:
@@ -187,7 +201,7 @@ class McapFile:
     def _chunks_within(self, first_ns: int, last_ns: int) -> list[ChunkIndex]:
         """The chunks with messages of this span; in a recording of an hour, one of tens of thousands."""
         starts_ns, ends_ns = self._chunk_times_ns
-        first, last = np.uint64(max(first_ns, 0)), np.uint64(min(last_ns, 2**64 - 1))
+        first, last = np.uint64(max(first_ns, 0)), np.uint64(min(last_ns, LATEST_NS))
         is_within = (ends_ns >= first) & (starts_ns <= last)
         return [self._summary.chunk_indexes[place] for place in np.flatnonzero(is_within)]
 
@@ -307,8 +321,3 @@ def _is_indexed(summary: Summary) -> bool:
         and (statistics.chunk_count > 0 or statistics.message_count == 0)
         and all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
     )
-
-
-def in_time_order(streams: list[Iterator[RawMessage]]) -> Iterator[RawMessage]:
-    """Merge the messages of several files by log time; at equal times, the earlier file's come first."""
-    return heapq.merge(*streams, key=lambda raw: raw.log_time_ns)

@@ -138,6 +138,7 @@ class McapWriter:
         self._end_chunk()
         self._background.call(self._write_end)
         self._background.finish()
+        self._buffer, self._chunk_indexes = bytearray(), []  # a bag of many files keeps their writers
 
     def abort(self) -> None:
         """Stop as soon as possible; afterwards the stream is not used any more."""

@@ -49,6 +49,8 @@ class CloudPlan:
         frame: which cloud of its topic it is, if it is one. What comes before the first cloud belongs to
         that one.
         """
+        if len(self.frames) == len(self.times_ns):
+            return True
         if topic == self.topics[0]:
             return frame in self.frames
         cloud = int(np.searchsorted(self.times_ns, log_time_ns, side="right")) - 1

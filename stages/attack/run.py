@@ -185,7 +185,8 @@ def _write_with_clouds(
     """The messages of the chosen frames, adversarial clouds among them, with their labels."""
     place_of = {(cloud.topic, cloud.frame): place for place, cloud in enumerate(plan.attacked)}
     with PointTables(bag.folder) as tables:
-        for frame, message in messages_of_frames(reader, messages, plan, clouds_only=request.has_messages):
+        changed = messages if request.has_messages else None
+        for frame, message in messages_of_frames(reader, plan, changed):
             if frame is None:
                 bag.copy(message)
                 continue

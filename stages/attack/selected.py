@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
+import numpy as np
 from rosbags.interfaces import QosDurability
 
 from advpipe.pipeline.bag.reader import BagReader
@@ -13,19 +14,20 @@ from advpipe.stages.attack.clouds import CloudPlan
 
 
 def messages_of_frames(
-    reader: BagReader, messages: Iterable[RawMessage], plan: CloudPlan, *, clouds_only: bool
+    reader: BagReader, plan: CloudPlan, changed: Iterable[RawMessage] | None = None
 ) -> Iterator[tuple[int | None, RawMessage]]:
     """Each message of the plan's frames, with its index in the clean bag if it is a cloud of its topics.
 
-    messages: those of the whole drive in log-time order. clouds_only: whether only clouds of these
-    topics are left out, and all else is kept. Latched topics (/tf_static, /scenario/info) are kept whole:
-    those from before the first chosen frame are logged at its time, so that the bag does not begin with a
-    long silence.
+    changed: all messages of the drive in log-time order, where attacks changed some: of these, only clouds of
+    the plan's topics are left out. Without them, the bag is read, and no more of it than is needed. Latched
+    topics (/tf_static, /scenario/info) are kept whole: those from before the first chosen frame are logged at
+    its time, so that the bag does not begin with a long silence.
     """
-    is_cut = not clouds_only and plan.frames[0] > 0
+    is_cut = changed is None and plan.frames[0] > 0
     start_ns = int(plan.times_ns[plan.frames[0]]) if is_cut else 0
     latched = {name for name, info in reader.topics.items() if _is_latched(info.qos)}
-    counts = dict.fromkeys(plan.topics, 0)
+    messages = _near(reader, plan, start_ns, latched) if changed is None else changed
+    counts = {name: int(np.searchsorted(reader.log_times_ns(name), start_ns)) for name in plan.topics}
     early: list[RawMessage] = []
     for raw in messages:
         name, frame = raw.topic.name, None
@@ -34,10 +36,27 @@ def messages_of_frames(
             counts[name] += 1
         if name in latched and raw.log_time_ns < start_ns:
             early.append(replace(raw, log_time_ns=start_ns))
-        elif name in latched or (clouds_only and frame is None) or plan.keeps(name, frame, raw.log_time_ns):
+        elif (
+            name in latched
+            or (changed is not None and frame is None)
+            or plan.keeps(name, frame, raw.log_time_ns)
+        ):
             yield from ((None, message) for message in early)
             early.clear()
             yield frame, raw
+
+
+def _near(
+    reader: BagReader, plan: CloudPlan, start_ns: int, latched: Collection[str]
+) -> Iterator[RawMessage]:
+    """The messages of latched topics, and all from a time on to the cloud after the last chosen frame."""
+    next_frame = plan.frames[-1] + 1
+    end_ns = int(plan.times_ns[next_frame]) if next_frame < len(plan.times_ns) else None
+    if start_ns:
+        yield from reader.raw_messages(latched, last_ns=start_ns - 1)
+    yield from reader.raw_messages(first_ns=start_ns, last_ns=end_ns)
+    if end_ns is not None:
+        yield from reader.raw_messages(latched, first_ns=end_ns + 1)
 
 
 def _is_latched(profiles: tuple[object, ...]) -> bool:

@@ -91,7 +91,8 @@ def grid_caveats(grid: GridFile) -> list[str]:
     return [
         f"{few}Each figure is the ratio of the mean mAP under attack to the mean mAP on clean clouds, over "
         f"{drives} with the seeds {', '.join(map(str, grid.seeds))}. Intervals of 95 % are over drives: "
-        "whole drives are drawn with replacement (expanded percentile bootstrap), not frames of a drive.",
+        "whole drives are drawn with replacement (expanded percentile bootstrap), not frames of a drive. "
+        "There is none where draws of drives in which hardly anything is found on clean clouds are too many.",
         "Levels are compared on drives of the same seeds; what differs between two levels beside the factor "
         "depends on the scenario: other traffic is another drive, other weather is the same traffic.",
     ]

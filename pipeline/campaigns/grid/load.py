@@ -39,6 +39,11 @@ class GridDrive:
         """Such as `seed3-0f8a2c44`: the same for the same resolved scenario."""
         return f"seed{self.seed}-{hashlib.sha256(dump_scenario(self.scenario).encode()).hexdigest()[:12]}"
 
+    @property
+    def title(self) -> str:
+        """Its id, and its levels where the grid has factors, as errors name it."""
+        return f"{self.id} ({_spelt(self.levels)})" if self.levels else self.id
+
 
 @dataclass(frozen=True)
 class LoadedGrid:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -19,7 +20,7 @@ from advpipe.pipeline.campaigns.grid.store import GridStore, other_drive
 from advpipe.pipeline.campaigns.run import has_drive, is_made_by
 from advpipe.pipeline.campaigns.sweep.settings import CODE
 from advpipe.pipeline.core.code import code_sha256, source_commit
-from advpipe.pipeline.core.errors import as_usage_error, writing
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError, as_usage_error, writing
 from advpipe.pipeline.core.partial import remove_output
 from advpipe.pipeline.core.progress import plan_progress, working_on
 from advpipe.pipeline.core.tabular import Rows, Tabular
@@ -117,18 +118,20 @@ class Grid:
         data_set = self.store.folder / "drives" / drive.id
         attacks = list(dict.fromkeys(cell.attack for cell in missing))
         plan_progress({"simulating": 2, **dict.fromkeys(attacks, 5)})
-        with working_on("simulating"):
+        with working_on("simulating"), _errors_naming(drive.title):
             if not has_drive(data_set, drive.scenario, overwrite=False):
                 simulate(drive.scenario, data_set)
             clean_sha256 = parent_sha256(data_set / "clean")
         missing = [*missing, *self._of_another_drive(drive, clean_sha256, data_set)]
         for name in dict.fromkeys(cell.attack for cell in missing):
             with working_on(name):
-                bag = self._attack(drive, name, data_set)
+                with _errors_naming(f"{drive.title}, {name}"):
+                    bag = self._attack(drive, name, data_set)
                 for detector in ("", *self.loaded.file.detectors):
                     cells = [each for each in missing if (each.attack, each.detector) == (name, detector)]
                     if cells:
-                        self._score(data_set / "clean", bag, cells, clean_sha256)
+                        with _errors_naming(_title(cells)):
+                            self._score(data_set / "clean", bag, cells, clean_sha256)
                 if not self.keep_bags:
                     remove_output(bag)
 
@@ -240,6 +243,24 @@ class Grid:
         report = GridReport(self.store.folder, self.loaded, found, tuple(warnings))
         write_grid(self.store.folder, self.loaded.file, found, report.warnings)
         return report
+
+
+@contextmanager
+def _errors_naming(what: str) -> Iterator[None]:
+    """Begin the line of an error in the block with the drive or cell that it is about: a grid has many."""
+    try:
+        yield
+    except AdvpipeError as error:
+        kind = UsageError if isinstance(error, UsageError) else AdvpipeError
+        raise kind(f"{what}: {error}") from None
+
+
+def _title(cells: Sequence[GridCell]) -> str:
+    """The cells of one bag and detector, as errors name them."""
+    first = cells[0]
+    defences = ", ".join(cell.defence for cell in cells if cell.defence != UNDEFENDED)
+    detector = f", {first.detector}" if first.detector else ""
+    return f"{first.drive.title}, {first.attack}{detector}{f' under {defences}' if defences else ''}"
 
 
 def _code_of(cell: GridCell) -> str:

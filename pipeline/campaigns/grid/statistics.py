@@ -34,15 +34,26 @@ class DriveRatio:
 
     @classmethod
     def of(cls, part: Float64, whole: Float64) -> DriveRatio:
-        """part, whole: mAP of each drive (N,); the ratio is that of their means."""
+        """part, whole: mAP of each drive (N,); the ratio is that of their means.
+
+        No interval where more draws than lie outside of it are of drives without a ratio: they could be any.
+        """
         if not len(whole) or whole.mean() < MIN_CLEAN_MAP:
             return cls(math.nan, None)
+        percent = float(100 * part.mean() / whole.mean())
         draws = drive_draws(len(whole))
-        low = high = math.nan
-        if len(draws):
-            ratios = 100 * part[draws].mean(axis=1) / np.maximum(whole[draws].mean(axis=1), 1e-12)
-            low, high = np.quantile(ratios, expanded_levels(len(whole)))
-        return cls(float(100 * part.mean() / whole.mean()), (float(low), float(high)) if len(draws) else None)
+        if not len(draws):
+            return cls(percent, None)
+        parts, wholes, levels = (
+            part[draws].mean(axis=1),
+            whole[draws].mean(axis=1),
+            expanded_levels(len(whole)),
+        )
+        defined = wholes >= MIN_CLEAN_MAP
+        if 1 - defined.mean() > levels[0]:
+            return cls(percent, None)
+        low, high = np.quantile(100 * parts[defined] / wholes[defined], levels)
+        return cls(percent, (float(low), float(high)))
 
 
 @dataclass(frozen=True)

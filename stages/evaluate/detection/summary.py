@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.core.text import counted
 from advpipe.pipeline.geometry.boxes import MIN_POINTS
 from advpipe.pipeline.metrics.average_precision import RankedMatches
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
@@ -67,8 +68,9 @@ def summarise(comparison: Comparison, draws: int, seed: int, warnings: Sequence[
     boxes = {name: sum(frame.clean.matches["strict", name].n_truth for frame in frames) for name in classes}
     if not any(boxes.values()):
         raise AdvpipeError(
-            f"{comparison.name}: in {len(frames)} frames no object of a class that the detector finds "
-            f"({', '.join(classes)}) has {MIN_POINTS} points and lies in its range; evaluate more frames"
+            f"{comparison.name}: in {counted(len(frames), 'frame')} no object of a class that the "
+            f"detector finds ({', '.join(classes)}) has {MIN_POINTS} points and lies in its range; evaluate "
+            "more frames"
         )
     in_map, notes = classes_in_map(boxes)
 

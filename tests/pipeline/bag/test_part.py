@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,10 @@ from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
+from advpipe.pipeline.bag.writer import BagWriter
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.messages.build import string
+from advpipe.pipeline.messages.topics import SCENARIO_INFO
 from advpipe.stages.verify.run import verify
 
 Record = Callable[..., Path]
@@ -129,3 +133,20 @@ def test_limits(tmp_path: Path, record: Record) -> None:
 )
 def test_an_attack_splits_as_the_recorded_scenario_says(scenario: str, split: BagSplit) -> None:
     assert BagSplit.of(Provenance({"scenario": scenario})) == split
+
+
+def test_finished_files_hold_no_memory(tmp_path: Path) -> None:
+    """Of a megabyte each, compressed; a recording of hours has hundreds."""
+    text = "x" * 1_100_000
+
+    def most_bytes(files: int) -> int:
+        tracemalloc.start()
+        with BagWriter(tmp_path / f"{files}", provenance={}, split=BagSplit(after_s=1)) as writer:
+            for second in range(files):
+                writer.write(SCENARIO_INFO, string(text), second * 10**9)
+        assert len(files_of(tmp_path / f"{files}")) == files
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    assert most_bytes(12) < most_bytes(3) + len(text)

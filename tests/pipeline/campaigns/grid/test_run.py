@@ -96,3 +96,15 @@ def test_cells_of_a_drive_with_other_bytes_are_not_mixed_in(file: Path, out: Pat
         run(file, copy)
     run(file, copy, overwrite=True)
     assert {path.name: path.read_bytes() for path in (copy / "cells").iterdir()} == whole
+
+
+def test_the_cell_without_an_object_is_named(tmp_path: Path) -> None:
+    empty = dict.fromkeys(("traffic.vehicles", "traffic.pedestrians", "traffic.parked_per_km"), 0)
+    file = write_grid_file(
+        tmp_path,
+        factors={"density": {"empty": empty}},
+        defences=["none", "jitter:0.02"],
+    )
+    cell = r"seed1-\w{12} \(density = empty\), detach, small under jitter:0\.02: "
+    with pytest.raises(AdvpipeError, match=f"^{cell}detach: in 1 frame no object of a class"):
+        run(file, tmp_path / "out")

@@ -41,6 +41,13 @@ def test_a_ratio_to_hardly_anything_is_none() -> None:
     assert ratio.ci95 is None
 
 
+def test_drives_in_which_nothing_is_found_leave_no_interval_where_they_may_be_drawn_alone() -> None:
+    few = DriveRatio.of(np.array([0.3, 0.4, 0.3]), np.array([0.6, 0.0, 0.4]))
+    assert few == DriveRatio(pytest.approx(100), None)  # type: ignore[arg-type]
+    many = DriveRatio.of(np.array([0.3] * 9 + [0.0]), np.array([0.6] * 9 + [0.0]))
+    assert many == DriveRatio(pytest.approx(50), (pytest.approx(50), pytest.approx(50)))  # type: ignore[arg-type]
+
+
 def test_the_interval_is_as_wide_as_that_of_student() -> None:
     """Of a mean of 20 normal drives, whose exact interval is Student's."""
     part = np.random.default_rng(3).normal(0.5, 0.1, 20)
