@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.sensors.camera.contact import openness
+from advpipe.pipeline.sensors.camera.contact import ContactShadows
 from advpipe.pipeline.sensors.camera.lens import Lens
 from advpipe.pipeline.sensors.camera.long_rows import along, chosen_columns
 from advpipe.pipeline.sensors.camera.palette import TAG
@@ -83,6 +83,7 @@ class Photographer:
         """The radiance (3, H, W), None without shading, and the layers of one image."""
         width, height = self.size_px
         first = _FirstPass(width * height, len(boxes))
+        contact = ContactShadows(boxes, view.map_SE3_optical[:3, 3])
         radiance = None if shading is None else np.empty((3, width * height), np.float32)
         rows = max(min(MAX_RAYS // width, math.ceil(BAND * height)), 1)
 
@@ -94,14 +95,14 @@ class Photographer:
             first.take(pixels, surfaces, is_lit)
             if shading is None or radiance is None or is_lit is None:
                 return
-            share = _openness(boxes, surfaces, view)
+            share = _openness(contact, surfaces)
             radiance[:, pixels] = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
 
         list(self._workers.map(band, range(0, height, rows)))
         layers = first.layers(self._blind, width)
         if radiance is None or shading is None:
             return None, layers
-        self._smooth(world, view, boxes, shading, radiance, first)
+        self._smooth(world, view, contact, shading, radiance, first)
         radiance[:, self._blind] = 0.0
         return radiance.reshape(3, height, width), layers
 
@@ -109,7 +110,7 @@ class Photographer:
         self,
         world: VisibleSurroundings,
         view: View,
-        boxes: Float64,
+        contact: ContactShadows,
         shading: Shading,
         radiance: Float32,
         first: _FirstPass,
@@ -126,7 +127,7 @@ class Photographer:
             rays = self._rays(view, self._beside(pixels))
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = _sun_lit(world, shading, surfaces)
-            share = _openness(boxes, surfaces, view)
+            share = _openness(contact, surfaces)
             further = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
             total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
             radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
@@ -156,10 +157,10 @@ class Photographer:
         return rays
 
 
-def _openness(boxes: Float64, surfaces: Surfaces, view: View) -> Float32:
-    """See `openness`, for surfaces (K,)."""
+def _openness(contact: ContactShadows, surfaces: Surfaces) -> Float32:
+    """See `ContactShadows.openness`, for surfaces (K,)."""
     level = np.flatnonzero((surfaces.normals[2] > np.float32(0.7)) & (surfaces.objects < 0))
-    return openness(boxes, surfaces.points_m, level, view.map_SE3_optical[:3, 3])
+    return contact.openness(surfaces.points_m, level)
 
 
 def _sun_lit(world: VisibleSurroundings, shading: Shading, surfaces: Surfaces) -> npt.NDArray[np.bool_]:
