@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.camera.long_rows import chosen_columns
+from advpipe.pipeline.sensors.camera.rectangle_map import RectangleMap
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
@@ -16,11 +17,10 @@ NEAR_M = 30.0
 DEEPEST = np.float32(0.82)
 FADE_M = np.float32(0.3)
 HIGHEST_M = np.float32(0.6)
-CELL_M = 0.5
 
 
 class ContactShadows:
-    """The boxes (M, 7) that are near a camera at (3,), and a coarse map of the places beside them.
+    """The boxes (M, 7) that are near a camera at (3,), and a map of the places beside them.
 
     All in the map frame. All parts of a picture share it, and look at all boxes at once: with many short
     sums, threads would wait for one another.
@@ -32,21 +32,7 @@ class ContactShadows:
         columns = x, y, np.cos(yaw), np.sin(yaw), length / 2 - 0.15, width / 2 - 0.1, z - height / 2
         self._columns: Float32 = np.stack(columns).astype(np.float32)
         half_m = np.hypot(length, width)[:, None] / 2 + REACH_M
-        low_m, high_m = near[:, :2] - half_m, near[:, :2] + half_m
-        self._origin_m = low_m.min(axis=0, initial=np.inf)
-        first = np.floor((low_m - self._origin_m) / CELL_M).astype(np.int64) + 1  # an empty margin is around
-        last = np.floor((high_m - self._origin_m) / CELL_M).astype(np.int64) + 1
-        self._sides = last.max(axis=0, initial=0) + 2
-        cells = [
-            (np.arange(left, right + 1)[:, None] * self._sides[1] + np.arange(lower, upper + 1)).ravel()
-            for (left, lower), (right, upper) in zip(first.tolist(), last.tolist(), strict=True)
-        ]
-        cell = np.concatenate([np.zeros(0, np.int64), *cells])
-        box = np.repeat(np.arange(len(cells)), [len(each) for each in cells])
-        self._boxes = box[np.argsort(cell, kind="stable")]
-        """The boxes of each cell, in their order, cell by cell."""
-        self._counts = np.bincount(cell, minlength=int(self._sides.prod()))
-        self._starts = np.cumsum(self._counts) - self._counts
+        self._map = RectangleMap(near[:, :2] - half_m, near[:, :2] + half_m)
 
     def openness(self, points_m: Float32, level: Int64) -> Float32:
         """Share of the sky (K,) that points (3, K) face beside the boxes.
@@ -54,32 +40,15 @@ class ContactShadows:
         level: indices of the points that boxes may darken.
         """
         share = np.ones(points_m.shape[1], np.float32)
-        if not len(self._boxes) or not len(level):
+        if not len(self._map) or not len(level):
             return share
-        points, boxes = self._pairs(points_m, level)
+        points, boxes = self._map.pairs(*chosen_columns(points_m[:2], level))
+        points = np.take(level, points)
         away_m, above_m = self._distances(chosen_columns(points_m, points), boxes)
         darker = np.flatnonzero((above_m < HIGHEST_M) & (away_m < np.float32(REACH_M)))
         factor = 1 - DEEPEST * np.exp(-np.take(away_m, darker) / FADE_M)
         np.multiply.at(share, np.take(points, darker), factor)
         return share
-
-    def _pairs(self, points_m: Float32, level: Int64) -> tuple[Int64, Int64]:
-        """Indices (N,) of points (3, K) and of boxes in whose cells these points are."""
-        cells = []
-        for axis, size in enumerate(self._sides.tolist()):
-            place = np.take(points_m[axis], level) - np.float32(self._origin_m[axis])
-            place *= np.float32(1 / CELL_M)
-            place += np.float32(1)
-            np.clip(place, 0, np.float32(size - 1), out=place)
-            cells.append(place.astype(np.int32))
-        cells[0] *= np.int32(self._sides[1])
-        cells[0] += cells[1]
-        counts = np.take(self._counts, cells[0], mode="clip")
-        beside = np.flatnonzero(counts)
-        counts = counts[beside]
-        starts = np.take(self._starts, cells[0][beside]) - (np.cumsum(counts) - counts)
-        place_of_pair = np.arange(counts.sum()) + np.repeat(starts, counts)
-        return np.repeat(level[beside], counts), np.take(self._boxes, place_of_pair)
 
     def _distances(self, points_m: Float32, boxes: Int64) -> tuple[Float32, Float32]:
         """How far points (3, N) are from the outlines of boxes (N,), and above or below their floors."""
