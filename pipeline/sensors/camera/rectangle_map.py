@@ -17,39 +17,30 @@ _SLACK = 0.004
 class RectangleMap:
     """The rectangles between the corners low_m and high_m (M, 2) of a plane; none where one is not below.
 
-    cells: of the grid in each direction. It covers what all of them do, or, if given, what is within two
-    corners (2,) of that. An empty margin of one cell is around it.
+    cells: of the grid over all of them in each direction, 60,000 in all at most. An empty margin of one cell
+    is around it.
     """
 
-    def __init__(
-        self,
-        low_m: Float64,
-        high_m: Float64,
-        cells: tuple[int, int] = CELLS,
-        within_m: tuple[Float64, Float64] | None = None,
-    ) -> None:
+    def __init__(self, low_m: Float64, high_m: Float64, cells: tuple[int, int] = CELLS) -> None:
         start_m, end_m = low_m.min(axis=0, initial=np.inf), high_m.max(axis=0, initial=-np.inf)
-        if within_m is not None:
-            start_m, end_m = np.maximum(start_m, within_m[0]), np.minimum(end_m, within_m[1])
-        meets = ((low_m <= high_m) & (low_m <= end_m) & (high_m >= start_m)).all(axis=1)
         self._cells = cells
         self._start_m = start_m = np.where(np.isfinite(start_m), start_m, 0.0)
         self._per_m = (np.array(cells) - 2 * _SLACK) / np.maximum(end_m - start_m, 1e-9)
         first = np.floor((low_m - start_m) * self._per_m).astype(np.int64) + 1
         last = np.floor((high_m - start_m) * self._per_m + 2 * _SLACK).astype(np.int64) + 1
-        first, last = first.clip(1, cells), last.clip(1, cells)
-        sides = (last - first + 1) * meets[:, None]
+        last = last.clip(max=cells)
+        sides = (last - first + 1) * (low_m <= high_m).all(axis=1, keepdims=True)
         counts = sides.prod(axis=1)
         rectangle = np.repeat(np.arange(len(counts)), counts)
         place = np.arange(len(rectangle)) - np.repeat(np.cumsum(counts) - counts, counts)
         column, row = np.divmod(place, sides[rectangle, 1])
         self._row = cells[1] + 2
         cell = (column + first[rectangle, 0]) * self._row + row + first[rectangle, 1]
-        short = np.uint16 if (cells[0] + 2) * self._row <= 1 << 16 else np.int64  # sorts faster
-        self._rectangles = rectangle[np.argsort(cell.astype(short), kind="stable")]
+        self._rectangles = rectangle[np.argsort(cell.astype(np.uint16), kind="stable")]
         """Those that meet each cell, in their order, cell by cell."""
         self._counts = np.bincount(cell, minlength=(cells[0] + 2) * self._row)
         self._starts = np.cumsum(self._counts) - self._counts
+        self._is_met = self._counts > 0
 
     def __len__(self) -> int:
         """How many pairs of a cell and a rectangle there are."""
@@ -60,22 +51,23 @@ class RectangleMap:
 
         They are a superset of the pairs of a point and a rectangle around it.
         """
-        cell = self._places(first_m, 0)
-        cell *= np.int32(self._row)
-        cell += self._places(second_m, 1)
-        counts = np.take(self._counts, cell, mode="clip")
-        inside = np.flatnonzero(counts)
-        counts = np.take(counts, inside)
-        starts = np.take(self._starts, np.take(cell, inside))
+        place = np.floor(self._places(first_m, 0))
+        place *= np.float32(self._row)
+        place += self._places(second_m, 1)
+        cell = place.astype(np.intp)
+        inside = np.flatnonzero(np.take(self._is_met, cell, mode="clip"))
+        cell = np.take(cell, inside)
+        counts = np.take(self._counts, cell)
+        starts = np.take(self._starts, cell)
         starts -= np.cumsum(counts) - counts
-        place = np.repeat(starts, counts)
-        place += np.arange(len(place))
-        return np.repeat(inside, counts), np.take(self._rectangles, place, mode="clip")
+        pairs = np.repeat(starts, counts)
+        pairs += np.arange(len(pairs))
+        return np.repeat(inside, counts), np.take(self._rectangles, pairs, mode="clip")
 
-    def _places(self, places_m: Float32, axis: int) -> npt.NDArray[np.int32]:
-        """The column or row (N,) of places (N,); 0 and the last one beside the grid."""
+    def _places(self, places_m: Float32, axis: int) -> Float32:
+        """The fractional column or row (N,) of places (N,); below 1 and in the last one beside the grid."""
         found = places_m - np.float32(self._start_m[axis])
         found *= np.float32(self._per_m[axis])
         found += np.float32(1 + _SLACK)
         np.clip(found, 0, np.float32(self._cells[axis] + 1), out=found)
-        return found.astype(np.int32)
+        return found
