@@ -121,6 +121,8 @@ class Photographer:
         else:
             chosen = np.arange(radiance.shape[1])
         per_cast = max(min(MAX_RAYS // len(OFFSETS_PX), -(-len(chosen) // WORKERS)), 1)
+        if WORKERS * per_cast >= len(chosen):  # each takes every other row, lest one has all road users
+            chosen = chosen[np.argsort(chosen // self.size_px[0] % WORKERS, kind="stable")]
 
         def part(start: int) -> None:
             pixels = chosen[start : start + per_cast]
