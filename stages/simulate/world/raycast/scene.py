@@ -260,7 +260,7 @@ class Scene:
         triangles: npt.NDArray[np.int32] = result["primitive_ids"].numpy().view(np.int32)
         normals: Float32 = result["primitive_normals"].numpy()
         if parts is not None and self._parts is not None:
-            other = self._parts[triangles] != parts
+            other = np.flatnonzero(of_triangles(self._parts, triangles) != parts)
             range_m[other], triangles[other] = np.inf, -1
         return range_m, normals, triangles
 
