@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, ClassVar
 
 from advpipe.pipeline.mcap.channel import Topic
@@ -31,12 +32,13 @@ class Cameras(MountedSensor[CameraSensor]):
     takes_long = True
 
     def __init__(self, vehicle: str, sections: Mapping[str, CameraSensor], drive: DriveSettings) -> None:
+        from advpipe.pipeline.sensors.camera.picture import WORKERS
         from advpipe.pipeline.sensors.camera.rig import CameraRig
         from advpipe.pipeline.sensors.camera.view_messages import OPTICAL, InstanceIds
 
         self._vehicle, self._sections = vehicle, sections
         self._rig: CameraRig = CameraRig(vehicle, sections, drive)
-        self._ids = InstanceIds()
+        self._ids, self._workers = InstanceIds(), ThreadPoolExecutor(WORKERS)
         self.mounts = dict(self._rig.mounts)
         self.mounts |= {name + OPTICAL: self._rig.base_SE3_optical(name) for name in sections}
 
@@ -48,7 +50,7 @@ class Cameras(MountedSensor[CameraSensor]):
             message
             for name, view in views.items()
             for message in camera_messages(
-                self._vehicle, name, self._sections[name], instant.stamp_ns, view, self._ids
+                self._vehicle, name, self._sections[name], instant.stamp_ns, view, self._ids, self._workers
             )
         ]
         return Reading(messages, road_users=boxes.ids)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from functools import cache
 
 import numpy as np
@@ -63,15 +64,18 @@ class Exposure:
         self._log_exposure: float | None = None
         self._curve = _curve()
 
-    def develop(self, radiance: Float32, rng: np.random.Generator) -> UInt8:
-        """The image (H, W, 3) of a radiance (3, H, W) in kcd/m^2, which is overwritten."""
+    def develop(self, radiance: Float32, rng: np.random.Generator, workers: Executor | None = None) -> UInt8:
+        """The image (H, W, 3) of a radiance (3, H, W) in kcd/m^2, which is overwritten. workers: to help."""
         exposure = self._follow(radiance)
         start = int(rng.integers(_NORMALS)) if self._normals is not None else 0
         linear = radiance.reshape(-1)
         levels = np.empty(len(linear), np.uint8)
-        for first in range(0, len(linear), _PART):
+
+        def code(first: int) -> None:
             part = slice(first, first + _PART)
             levels[part] = self._coded(linear[part], exposure, (start + first) % _NORMALS)
+
+        list((workers.map if workers else map)(code, range(0, len(linear), _PART)))
         return np.ascontiguousarray(levels.reshape(radiance.shape).transpose(1, 2, 0))
 
     def _coded(self, linear: Float32, exposure: float, start: int) -> UInt8:

@@ -89,7 +89,7 @@ def image_objects(boxes: Boxes, layers: Layers, lens: Lens, map_SE3_optical: Flo
 
 
 def _edges(extents: Int64) -> tuple[int, int, int, int]:
-    left, top, right, bottom = (int(each) for each in extents)
+    left, top, right, bottom = extents.tolist()
     return left, top, right, bottom
 
 

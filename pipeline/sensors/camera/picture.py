@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.geometry.transforms import Float64
-from advpipe.pipeline.sensors.camera.contact import openness
+from advpipe.pipeline.sensors.camera.contact import ContactShadows
 from advpipe.pipeline.sensors.camera.lens import Lens
 from advpipe.pipeline.sensors.camera.long_rows import along, chosen_columns
 from advpipe.pipeline.sensors.camera.palette import TAG
@@ -63,7 +64,8 @@ class View:
 
 
 class Photographer:
-    """Casts and shades the rays of one lens. range_m: of road users. samples: 1 or 4 rays per pixel."""
+    """Casts and shades the rays of one lens. range_m: of road users. samples: 1 or 4 rays per pixel. workers:
+    its threads."""
 
     def __init__(self, lens: Lens, range_m: float, samples: int) -> None:
         self.lens, self._range_m, self._samples = lens, range_m, samples
@@ -74,7 +76,7 @@ class Photographer:
         rays[self._blind] = (0.0, 0.0, 1.0)
         self._directions: Float32 = np.ascontiguousarray(rays.T, np.float32)
         middle = lens.directions(np.array([[width / 2, height / 2], [width / 2 + 1, height / 2]]))
-        self._workers = ThreadPoolExecutor(WORKERS)
+        self.workers = ThreadPoolExecutor(WORKERS)
         self._pixel_rad = float(np.linalg.norm(middle[1] - middle[0]))
 
     def take(
@@ -83,6 +85,7 @@ class Photographer:
         """The radiance (3, H, W), None without shading, and the layers of one image."""
         width, height = self.size_px
         first = _FirstPass(width * height, len(boxes))
+        contact = ContactShadows(boxes, view.map_SE3_optical[:3, 3])
         radiance = None if shading is None else np.empty((3, width * height), np.float32)
         rows = max(min(MAX_RAYS // width, math.ceil(BAND * height)), 1)
 
@@ -94,14 +97,16 @@ class Photographer:
             first.take(pixels, surfaces, is_lit)
             if shading is None or radiance is None or is_lit is None:
                 return
-            share = _openness(boxes, surfaces, view)
+            share = _openness(contact, surfaces)
             radiance[:, pixels] = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
 
-        list(self._workers.map(band, range(0, height, rows)))
-        layers = first.layers(self._blind, width)
+        list(self.workers.map(band, range(0, height, rows)))
+        first.blind(self._blind)
         if radiance is None or shading is None:
-            return None, layers
-        self._smooth(world, view, boxes, shading, radiance, first)
+            return None, first.layers(self._blind, width)
+        smoothed = self._smooth(world, view, contact, shading, radiance, first)
+        layers = first.layers(self._blind, width)  # meanwhile
+        list(smoothed)
         radiance[:, self._blind] = 0.0
         return radiance.reshape(3, height, width), layers
 
@@ -109,29 +114,31 @@ class Photographer:
         self,
         world: VisibleSurroundings,
         view: View,
-        boxes: Float64,
+        contact: ContactShadows,
         shading: Shading,
         radiance: Float32,
         first: _FirstPass,
-    ) -> None:
-        """Average further rays of the pixels at edges, or of all pixels, in place."""
+    ) -> Iterator[None]:
+        """Begin to average further rays of the pixels at edges, or of all, in place; ends when it is read."""
         if self._samples == 1:
             chosen = np.flatnonzero(first.edges(*self.size_px))
         else:
             chosen = np.arange(radiance.shape[1])
         per_cast = max(min(MAX_RAYS // len(OFFSETS_PX), -(-len(chosen) // WORKERS)), 1)
+        if WORKERS * per_cast >= len(chosen):  # each takes every other row, lest one has all road users
+            chosen = chosen[np.argsort(chosen // self.size_px[0] % WORKERS, kind="stable")]
 
         def part(start: int) -> None:
             pixels = chosen[start : start + per_cast]
             rays = self._rays(view, self._beside(pixels))
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = _sun_lit(world, shading, surfaces)
-            share = _openness(boxes, surfaces, view)
+            share = _openness(contact, surfaces)
             further = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
             total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
             radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
 
-        list(self._workers.map(part, range(0, len(chosen), per_cast)))
+        return self.workers.map(part, range(0, len(chosen), per_cast))
 
     def _beside(self, pixels: Int64) -> Float32:
         """Directions (3, 3 K) that pass beside the centres of pixels (K,), by those of their neighbours."""
@@ -156,10 +163,10 @@ class Photographer:
         return rays
 
 
-def _openness(boxes: Float64, surfaces: Surfaces, view: View) -> Float32:
-    """See `openness`, for surfaces (K,)."""
+def _openness(contact: ContactShadows, surfaces: Surfaces) -> Float32:
+    """See `ContactShadows.openness`, for surfaces (K,)."""
     level = np.flatnonzero((surfaces.normals[2] > np.float32(0.7)) & (surfaces.objects < 0))
-    return openness(boxes, surfaces.points_m, level, view.map_SE3_optical[:3, 3])
+    return contact.openness(surfaces.points_m, level)
 
 
 def _sun_lit(world: VisibleSurroundings, shading: Shading, surfaces: Surfaces) -> npt.NDArray[np.bool_]:
@@ -198,8 +205,11 @@ class _FirstPass:
             keys |= value
         self._keys[place], self._is_fine[place] = keys, surfaces.is_fine
 
-    def layers(self, blind: Int64, width: int) -> Layers:
+    def blind(self, blind: Int64) -> None:
+        """Let pixels (K,) have met nothing."""
         self.range_m[blind], self.tags[blind], self.objects[blind] = np.inf, 0, -1
+
+    def layers(self, blind: Int64, width: int) -> Layers:
         alone_pixels, alone_users = (np.concatenate(column) for column in zip(*self._alone, strict=True))
         if len(blind):
             seen = ~np.isin(alone_pixels, blind)

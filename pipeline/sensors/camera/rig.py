@@ -126,7 +126,7 @@ class CameraRig:
             sky.horizon,
             rng,
         )
-        return Picture(self._exposures[name].develop(radiance, rng), layers)
+        return Picture(self._exposures[name].develop(radiance, rng, photographer.workers), layers)
 
     def _light(self, stamp_ns: int) -> tuple[Shading, SkyMap]:
         """The light at a time; the sky's picture is made anew now and then."""

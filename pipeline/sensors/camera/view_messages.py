@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -39,37 +40,52 @@ class InstanceIds:
 
 
 def camera_messages(
-    vehicle: str, name: str, section: CameraSensor, stamp_ns: int, view: CameraView, ids: InstanceIds
-) -> Iterator[StampedCdr]:
-    """All messages of one camera at one instant."""
+    vehicle: str,
+    name: str,
+    section: CameraSensor,
+    stamp_ns: int,
+    view: CameraView,
+    ids: InstanceIds,
+    workers: Executor,
+) -> list[StampedCdr]:
+    """All messages of one camera at one instant; the workers compress its images meanwhile."""
     topics, frame_id = VehicleTopics(vehicle), VehicleTopics(vehicle).sensor_frame(name + OPTICAL)
     lens, layers = view.lens, view.layers
 
     def message(topic: Topic, value: Any) -> StampedCdr:
         return topic, serialise(value, topic.type), stamp_ns
 
-    if view.rgb is not None:
-        jpeg = images.jpeg_message(stamp_ns, frame_id, view.rgb, section.jpeg_quality)
-        yield message(topics.camera_image(name, "rgb"), jpeg)
     shown = np.flatnonzero(layers.visible).tolist()
     known = dict(zip(shown, ids.of([view.ids[each] for each in shown]), strict=True))
-    for kind in section.images:
-        if kind != "rgb":
-            image = _png_image(kind, layers, lens, known)
-            yield message(topics.camera_image(name, kind), images.png_message(stamp_ns, frame_id, image))
+
+    def compressed(kind: str) -> StampedCdr:
+        if kind == "rgb" and view.rgb is not None:
+            image = images.jpeg_message(stamp_ns, frame_id, view.rgb, section.jpeg_quality)
+        else:
+            image = images.png_message(stamp_ns, frame_id, _png_image(kind, layers, lens, known))
+        return message(topics.camera_image(name, kind), image)
+
     info = images.camera_info_message(
         stamp_ns, frame_id, lens.size_px, lens.matrix, lens.distortion_model, lens.distortion
     )
-    yield message(topics.camera_info(name), info)
+    others = [message(topics.camera_info(name), info)]  # loads the types of messages before threads do
+    kinds = [] if view.rgb is None else ["rgb"]
+    kinds += [kind for kind in section.images if kind != "rgb"]
+    pictures = workers.map(compressed, kinds)
     visible = [(o.id, o.class_name, o.visible_share, o.visible_px) for o in view.objects if o.visible_px]
     amodal = [(o.id, o.class_name, o.visible_share, o.amodal_px) for o in view.objects]
-    yield message(topics.visible_boxes(name), images.image_boxes_message(stamp_ns, frame_id, visible))
-    yield message(topics.amodal_boxes(name), images.image_boxes_message(stamp_ns, frame_id, amodal))
+    others.append(
+        message(topics.visible_boxes(name), images.image_boxes_message(stamp_ns, frame_id, visible))
+    )
+    others.append(message(topics.amodal_boxes(name), images.image_boxes_message(stamp_ns, frame_id, amodal)))
     labels = [each.label for each in view.objects]
-    yield message(topics.image_labels(name), image_labels_message(stamp_ns, frame_id, labels))
+    others.append(message(topics.image_labels(name), image_labels_message(stamp_ns, frame_id, labels)))
     if "instance_segmentation" in section.images:
         of_ids = {number: view.ids[index] for index, number in known.items()}
-        yield message(topics.instance_names(name), images.label_info_message(stamp_ns, frame_id, of_ids))
+        others.append(
+            message(topics.instance_names(name), images.label_info_message(stamp_ns, frame_id, of_ids))
+        )
+    return [*pictures, *others]
 
 
 def _png_image(kind: str, layers: Layers, lens: Any, known: dict[int, int]) -> npt.NDArray[Any]:

@@ -77,7 +77,7 @@ class BodyLook:
 
     def materials(self, triangles: npt.NDArray[np.int32]) -> UInt8:
         """The materials (N,) of triangles (N,)."""
-        found: UInt8 = self._materials[triangles]
+        found: UInt8 = np.take(self._materials, triangles)
         return found
 
     def colours(
@@ -86,8 +86,9 @@ class BodyLook:
         """Colours (N, 3) and lamps (N,) at points (3, N) in the frames of their road users (N,)."""
         numbers = np.take(traits.numbers, user_of)
         is_on_foot = np.take(traits.is_on_foot, user_of)
-        colours = COLOUR[materials]
-        colours *= (np.float32(0.9) + (numbers % 17).astype(np.float32) * np.float32(0.012))[:, None]
+        colours = np.take(COLOUR, materials, axis=0)
+        light = np.float32(0.9) + (traits.numbers % 17).astype(np.float32) * np.float32(0.012)
+        colours *= np.take(light, user_of)[:, None]
         lamps = np.full(len(materials), NO_LAMP, np.uint8)
         lamp = np.flatnonzero(materials == MATERIAL_ID["lamp"])
         rear = local_m[0, lamp] < 0

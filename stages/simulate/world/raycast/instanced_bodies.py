@@ -21,7 +21,6 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.mesh import Mesh, merge
 from advpipe.stages.simulate.world.raycast.placed_users import PlacedUsers
 from advpipe.stages.simulate.world.raycast.scene import Float32, Returns, Scene
-from advpipe.stages.simulate.world.raycast.sun_beams import SunBeams
 from advpipe.stages.simulate.world.raycast.visible_hits import VisibleHits
 from advpipe.stages.simulate.world.raycast.windows import SortedRays
 
@@ -113,7 +112,7 @@ class InstancedBodies:
         """Whether a road user is between each of the points (3, N) and the sun, in the direction (3,)."""
         placed = self.placed(users)
         shaded = np.zeros(points_m.shape[1], np.bool_)
-        chosen, user_of_ray = SunBeams(points_m, sun).pairs(placed.map_SE3_box, placed.half_m)
+        chosen, user_of_ray = placed.in_shadow(points_m, sun)
         local, _ = self._local(chosen_columns(points_m, chosen), sun[:, None], placed, user_of_ray)
         shaded[chosen[self._scene.is_met(local, placed.slots.astype(np.int32)[user_of_ray])]] = True
         return shaded

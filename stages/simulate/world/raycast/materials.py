@@ -137,3 +137,5 @@ SPECULAR = np.array([m.specular for m in _MATERIALS.values()], dtype=np.float32)
 
 TEXTURE = tuple(m.texture for m in _MATERIALS.values())
 """Key of `textures.TEXTURES` by material id."""
+BY_TEXTURE = np.array(sorted(range(len(TEXTURE)), key=lambda each: (TEXTURE[each], each)), np.uint8)
+"""All materials, so that those of one texture follow one another."""

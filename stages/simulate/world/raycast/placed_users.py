@@ -12,6 +12,7 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.body_look import UserTraits
+from advpipe.stages.simulate.world.raycast.sun_shadows import SunShadows
 from advpipe.stages.simulate.world.raycast.windows import BearingWindow, SortedRays
 
 Float32 = npt.NDArray[np.float32]
@@ -26,6 +27,7 @@ class PlacedUsers(Sequence[RoadUser]):
     """
 
     def __init__(self, users: Sequence[RoadUser], slots: Int64, centre_m: Float64, half_m: Float64) -> None:
+        self._shadows: tuple[Float32, SunShadows] | None = None
         self._window: tuple[tuple[float, ...], BearingWindow] | None = None
         self._users, self.slots, self.half_m = tuple(users), slots, half_m
         poses = np.array([user.map_SE3_base for user in users], dtype=np.float64).reshape(-1, 4, 4)
@@ -51,6 +53,13 @@ class PlacedUsers(Sequence[RoadUser]):
     def traits(self) -> UserTraits:
         """What their looks depend on."""
         return UserTraits.of(self._users)
+
+    def in_shadow(self, points_m: Float32, sun: Float32) -> tuple[Int64, Int64]:
+        """See `SunShadows.pairs`; the sun is in one direction (3,) for all points (3, N)."""
+        known = self._shadows
+        if known is None or not np.array_equal(known[0], sun):
+            known = self._shadows = sun, SunShadows(self.map_SE3_box, self.half_m, sun)
+        return known[1].pairs(points_m)
 
     def in_view(self, rays: SortedRays) -> tuple[Int64, Int64]:
         """See `SortedRays.pairs`; most calls have rays from the same place."""

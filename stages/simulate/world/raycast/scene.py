@@ -202,7 +202,7 @@ class Scene:
         They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque.
         """
         range_m, normals, triangles = self._nearest(rays, parts)
-        through = np.flatnonzero(_of_triangles(self._is_pane, triangles))
+        through = np.flatnonzero(of_triangles(self._is_pane, triangles))
         passed: list[tuple[npt.NDArray[np.int64], Float32, Float32, Float32]] = []
         for _ in range(MAX_SEEN_PANES):
             if not len(through):
@@ -222,9 +222,10 @@ class Scene:
         columns = (np.concatenate(column) for column in zip(*passed, strict=True))
         return VisibleHits(range_m, normals, triangles, PaneCrossings(*columns))
 
-    def materials_of(self, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
-        """The materials (N,) of triangles (N,)."""
-        return _of_triangles(self._materials, triangles)
+    @property
+    def materials(self) -> npt.NDArray[np.uint8]:
+        """The materials (T + 1,) of the triangles, and 0 for none."""
+        return self._materials
 
     def normals_of(self, triangles: npt.NDArray[np.int32], out: Float32) -> None:
         """Write the normals, of either side, of triangles (N,) as rows (3, N)."""
@@ -259,12 +260,12 @@ class Scene:
         triangles: npt.NDArray[np.int32] = result["primitive_ids"].numpy().view(np.int32)
         normals: Float32 = result["primitive_normals"].numpy()
         if parts is not None and self._parts is not None:
-            other = self._parts[triangles] != parts
+            other = np.flatnonzero(of_triangles(self._parts, triangles) != parts)
             range_m[other], triangles[other] = np.inf, -1
         return range_m, normals, triangles
 
 
-def _of_triangles(values: npt.NDArray[Scalar], triangles: npt.NDArray[np.int32]) -> npt.NDArray[Scalar]:
+def of_triangles(values: npt.NDArray[Scalar], triangles: npt.NDArray[np.int32]) -> npt.NDArray[Scalar]:
     """The values (N,) of triangles (N,), the last one for none: -1, which is the greatest unsigned index."""
     return np.take(values, triangles.view(np.uint32), mode="clip")
 

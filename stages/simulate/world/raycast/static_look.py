@@ -76,7 +76,7 @@ class StaticLook:
         normals: Float32,
         detail_m: Float32,
     ) -> None:
-        """Write the colours of the first N of K points (3, K), which are in the order of their materials.
+        """Write the colours of the first N of K points (3, K), which are in the order of `BY_TEXTURE`.
 
         colour, normals: (3, K). present, counts: (M,), the materials and how many points are of each.
         triangles: (N,). detail_m: (K,), size of a pixel there.
@@ -84,12 +84,17 @@ class StaticLook:
         places = triangles.astype(np.intp)
         for channel in range(3):
             np.take(self._channels[channel], places, out=colour[channel, : len(places)], mode="clip")
-        ends = np.cumsum(counts)
-        for material, start, end in zip(present, (ends - counts).tolist(), ends.tolist(), strict=True):
+        ends = np.cumsum(counts).tolist()
+        start = 0
+        for index, (material, end) in enumerate(zip(present.tolist(), ends, strict=True)):
+            texture = TEXTURE[material]
+            if texture != "plain" and index + 1 < len(ends) and TEXTURE[present[index + 1]] == texture:
+                continue  # all that have one texture are painted at once
             part = slice(start, end)
-            if TEXTURE[material] != "plain":
+            start = end
+            if texture != "plain":
                 patch = _patch(points_m[:, part], normals[:, part], detail_m[part])
-                colour[:, part] *= TEXTURES[TEXTURE[material]](patch)
+                colour[:, part] *= TEXTURES[texture](patch)
             elif material == MATERIAL_ID["sign"]:
                 colour[:, part] = self._faces.colours(places[part], points_m[:, part].T).T
 

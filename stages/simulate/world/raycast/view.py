@@ -17,6 +17,7 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast.body_look import BodyLook, body_tags
 from advpipe.stages.simulate.world.raycast.instanced_bodies import CandidateSights, InstancedBodies
 from advpipe.stages.simulate.world.raycast.materials import (
+    BY_TEXTURE,
     MATERIAL_ID,
     SEMANTIC,
     SEMANTIC_CLASSES,
@@ -24,7 +25,7 @@ from advpipe.stages.simulate.world.raycast.materials import (
     TEXTURE,
 )
 from advpipe.stages.simulate.world.raycast.placed_users import PlacedUsers
-from advpipe.stages.simulate.world.raycast.scene import Scene
+from advpipe.stages.simulate.world.raycast.scene import Scene, of_triangles
 from advpipe.stages.simulate.world.raycast.static_look import StaticLook
 from advpipe.stages.simulate.world.raycast.visible_hits import VisibleHits
 
@@ -60,6 +61,7 @@ class Viewer:
 
     def __init__(self, static: Scene, look: StaticLook, bodies: InstancedBodies, body_look: BodyLook) -> None:
         self._static, self._look = static, look
+        self._places = np.argsort(BY_TEXTURE).astype(np.uint8)[static.materials]
         self._bodies, self._body_look = bodies, body_look
 
     def placed(self, users: Sequence[RoadUser]) -> PlacedUsers:
@@ -76,14 +78,15 @@ class Viewer:
         own = seen.rays[first]
         candidate_of = np.zeros(len(rays), np.int32)
         static.range_m[own], candidate_of[own] = seen.sight.range_m[first], first
-        # In the order of materials, so that each is one slice; road users come last, before the sky.
-        keys = self._static.materials_of(static.triangles)
+        # By texture and material, so that each is one slice; road users come last, before the sky.
+        keys = of_triangles(self._places, static.triangles)
         keys[np.isinf(static.range_m)] = _SKY
         keys[own] = _BODY
         order = np.argsort(keys, kind="stable")
         counts = np.bincount(keys, minlength=_SKY + 1)
         fixed, count = int(counts[:_BODY].sum()), len(rays) - int(counts[_SKY])
-        met, present = order[:count], np.flatnonzero(counts[:_BODY]).astype(np.uint8)
+        met, filled = order[:count], np.flatnonzero(counts[:_BODY])
+        present, amounts = BY_TEXTURE[filled], counts[filled]
         range_m, triangles = np.take(static.range_m, met), np.take(static.triangles, met[:fixed])
         directions = chosen_columns(all_directions, met)
         points_m = directions * range_m + origin_m
@@ -97,12 +100,12 @@ class Viewer:
         normals *= -np.copysign(np.float32(1), cos)
         colour, lamps = np.empty_like(directions), np.zeros(count, np.uint8)
         detail_m = range_m * np.float32(pixel_rad) / np.sqrt(np.maximum(np.abs(cos), np.float32(0.003)))
-        self._look.paint(colour, present, counts[present], triangles, points_m, normals, detail_m)
+        self._look.paint(colour, present, amounts, triangles, points_m, normals, detail_m)
         materials = np.empty(count, np.uint8)
-        materials[:fixed] = np.repeat(present, counts[present])
+        materials[:fixed] = np.repeat(present, amounts)
         materials[fixed:] = self._body_look.materials(np.take(seen.sight.triangles, candidates))
         tags, objects = np.empty(count, np.uint8), np.full(count, -1, np.int32)
-        tags[:fixed] = np.repeat(_STATIC_TAGS[present], counts[present])
+        tags[:fixed] = np.repeat(_STATIC_TAGS[present], amounts)
         if len(user_of):
             objects[fixed:] = user_of
             local_m = placed.local_points(user_of, points_m[:, fixed:])
@@ -116,7 +119,7 @@ class Viewer:
         def by_material(table: npt.NDArray[Any]) -> npt.NDArray[Any]:
             """The values (K,) of a table by material: in runs, but for road users."""
             values = np.empty(count, table.dtype)
-            values[:fixed] = np.repeat(table[present], counts[present])
+            values[:fixed] = np.repeat(table[present], amounts)
             np.take(table, materials[fixed:], out=values[fixed:], mode="clip")
             return values
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from advpipe.pipeline.sensors.camera.contact import openness
+from advpipe.pipeline.sensors.camera.contact import ContactShadows
 
 CAR = np.array([[10.0, 0.0, 0.75, 4.0, 2.0, 1.5, 0.0]])
 CAMERA_M = np.array([0.0, 0.0, 1.5])
@@ -15,7 +15,7 @@ def share(
     point_m: tuple[float, float, float], boxes: np.ndarray = CAR, camera_m: np.ndarray = CAMERA_M
 ) -> float:
     points = np.array([point_m, (500.0, 500.0, 0.0)], np.float32).T
-    found = openness(boxes, np.ascontiguousarray(points), np.array([0, 1]), camera_m)
+    found = ContactShadows(boxes, camera_m).openness(np.ascontiguousarray(points), np.array([0, 1]))
     assert found[1] == 1  # far from all boxes
     return float(found[0])
 
@@ -32,8 +32,8 @@ def test_what_is_far_high_or_no_ground_is_not_darkened() -> None:
     assert share((10.0, 0.5, 0.7)) == 1  # above the road
     assert share((10.0, 0.0, 0.0), camera_m=np.array([50.0, 0.0, 1.5])) == 1  # the camera is far
     below = np.array([[10.0], [0.0], [0.0]], np.float32)
-    assert openness(CAR, below, np.zeros(0, np.int64), CAMERA_M) == 1
-    assert openness(CAR[:0], below, np.array([0]), CAMERA_M) == 1
+    assert ContactShadows(CAR, CAMERA_M).openness(below, np.zeros(0, np.int64)) == 1
+    assert ContactShadows(CAR[:0], CAMERA_M).openness(below, np.array([0])) == 1
 
 
 def test_it_turns_with_the_car_and_two_cars_darken_twice() -> None:
