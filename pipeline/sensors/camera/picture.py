@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -22,12 +20,11 @@ Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]
 
 MAX_RAYS = 1 << 18
-"""Most rays that are cast at once, for flat memory; parts of a picture run side by side. The parts, and so
-the bytes of a picture, do not depend on the number of processors."""
+"""Most rays that are cast at once, for flat memory. Open3D casts them with all cores while it holds the
+interpreter's lock: a second thread that casts and shades another part makes a picture later, not earlier."""
 
-WORKERS, BAND = 2, 0.6
-"""Threads of one camera, and the most that a band of rows takes of a picture. The upper of two bands has more
-rows, of which many are sky."""
+WORKERS = 2
+"""Threads that develop, count layers and compress."""
 
 OFFSETS_PX = ((0.0, -0.36), (0.32, 0.2), (-0.32, 0.2))
 """Where the three further rays of a pixel pass, beside the one through its centre."""
@@ -65,7 +62,7 @@ class View:
 
 class Photographer:
     """Casts and shades the rays of one lens. range_m: of road users. samples: 1 or 4 rays per pixel. workers:
-    its threads."""
+    threads for what needs no rays."""
 
     def __init__(self, lens: Lens, range_m: float, samples: int) -> None:
         self.lens, self._range_m, self._samples = lens, range_m, samples
@@ -87,28 +84,25 @@ class Photographer:
         first = _FirstPass(width * height, len(boxes))
         contact = ContactShadows(boxes, view.map_SE3_optical[:3, 3])
         radiance = None if shading is None else np.empty((3, width * height), np.float32)
-        rows = max(min(MAX_RAYS // width, math.ceil(BAND * height)), 1)
+        rows = max(MAX_RAYS // width, 1)
 
-        def band(top: int) -> None:
+        for top in range(0, height, rows):
             pixels = slice(top * width, min(top + rows, height) * width)
             rays = self._rays(view, self._directions[:, pixels])
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
             is_lit = None if shading is None else _sun_lit(world, shading, surfaces)
             first.take(pixels, surfaces, is_lit)
             if shading is None or radiance is None or is_lit is None:
-                return
+                continue
             share = _openness(contact, surfaces)
             radiance[:, pixels] = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
-
-        list(self.workers.map(band, range(0, height, rows)))
         first.blind(self._blind)
         if radiance is None or shading is None:
             return None, first.layers(self._blind, width)
-        smoothed = self._smooth(world, view, contact, shading, radiance, first)
-        layers = first.layers(self._blind, width)  # meanwhile
-        list(smoothed)
+        layers = self.workers.submit(first.layers, self._blind, width)
+        self._smooth(world, view, contact, shading, radiance, first)
         radiance[:, self._blind] = 0.0
-        return radiance.reshape(3, height, width), layers
+        return radiance.reshape(3, height, width), layers.result()
 
     def _smooth(
         self,
@@ -118,17 +112,14 @@ class Photographer:
         shading: Shading,
         radiance: Float32,
         first: _FirstPass,
-    ) -> Iterator[None]:
-        """Begin to average further rays of the pixels at edges, or of all, in place; ends when it is read."""
+    ) -> None:
+        """Average further rays of the pixels at edges, or of all, in place."""
         if self._samples == 1:
             chosen = np.flatnonzero(first.edges(*self.size_px))
         else:
             chosen = np.arange(radiance.shape[1])
-        per_cast = max(min(MAX_RAYS // len(OFFSETS_PX), -(-len(chosen) // WORKERS)), 1)
-        if WORKERS * per_cast >= len(chosen):  # each takes every other row, lest one has all road users
-            chosen = chosen[np.argsort(chosen // self.size_px[0] % WORKERS, kind="stable")]
-
-        def part(start: int) -> None:
+        per_cast = max(MAX_RAYS // len(OFFSETS_PX), 1)
+        for start in range(0, len(chosen), per_cast):
             pixels = chosen[start : start + per_cast]
             rays = self._rays(view, self._beside(pixels))
             surfaces = world.surfaces(rays, self._range_m, self._pixel_rad, view.time_s)
@@ -137,8 +128,6 @@ class Photographer:
             further = shading.radiance(surfaces, is_lit, share, view.map_SE3_base)
             total = further.reshape(3, len(OFFSETS_PX), -1).sum(axis=1)
             radiance[:, pixels] = (radiance[:, pixels] + total) * np.float32(1 / (1 + len(OFFSETS_PX)))
-
-        return self.workers.map(part, range(0, len(chosen), per_cast))
 
     def _beside(self, pixels: Int64) -> Float32:
         """Directions (3, 3 K) that pass beside the centres of pixels (K,), by those of their neighbours."""
