@@ -15,6 +15,9 @@ artery_commit=e0ddd8c0414b079f28e8efa932f52f66ae5a3c73
 fail() { echo "build.sh: $*" >&2; exit 1; }
 while [ $# -gt 0 ]; do
     case $1 in
+        --sources | --into | --jobs) [ $# -gt 1 ] || fail "$1 needs a value" ;;
+    esac
+    case $1 in
         --sources) sources=$2; shift 2 ;;
         --into) into=$2; shift 2 ;;
         --jobs) jobs=$2; shift 2 ;;
@@ -37,18 +40,23 @@ done
 mkdir -p "$sources"
 sources=$(cd "$sources" && pwd)
 omnetpp=$sources/omnetpp artery=$sources/artery
-[ -d "$omnetpp" ] || git clone --depth 1 --branch omnetpp-5.6.2 https://github.com/omnetpp/omnetpp "$omnetpp"
-if [ ! -f "$artery/CMakeLists.txt" ]; then
-    git init --quiet "$artery"
-    git -C "$artery" fetch --depth 1 https://github.com/riebl/artery $artery_commit
-    git -C "$artery" checkout --quiet $artery_commit
+# What is interrupted here is left as NAME.part, and begun again: a folder of the final name is whole.
+if [ ! -d "$omnetpp" ]; then
+    rm -rf "$omnetpp.part"
+    git clone --depth 1 --branch omnetpp-5.6.2 https://github.com/omnetpp/omnetpp "$omnetpp.part"
+    mv "$omnetpp.part" "$omnetpp"
 fi
-for part in inet vanetza veins; do # also those that an interrupted run did not get
-    [ -n "$(ls -A "$artery/extern/$part" 2>/dev/null)" ] || [ ! -e "$artery/.git" ] ||
-        git -C "$artery" submodule update --init --depth 1 "extern/$part"
-done
+if [ ! -d "$artery" ]; then
+    rm -rf "$artery.part"
+    git init --quiet "$artery.part"
+    git -C "$artery.part" fetch --depth 1 https://github.com/riebl/artery $artery_commit
+    git -C "$artery.part" checkout --quiet $artery_commit
+    mv "$artery.part" "$artery"
+fi
 grep -q 'omnetpp-5\.6\.' "$omnetpp/Version" || fail "$omnetpp is not OMNeT++ 5.6: $(cat "$omnetpp/Version")"
 for part in inet/src vanetza/vanetza veins/src; do
+    [ -d "$artery/extern/$part" ] || [ ! -e "$artery/.git" ] ||
+        git -C "$artery" submodule update --init --force --depth 1 "extern/${part%%/*}"
     [ -d "$artery/extern/$part" ] || fail "$artery/extern/${part%%/*} is empty; get Artery's submodules"
 done
 

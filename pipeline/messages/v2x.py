@@ -5,7 +5,7 @@ They are written field by field, since there are some hundred in each step.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -48,6 +48,12 @@ class RadioPlaces(tuple[RadioPlace, ...]):
 
     ids: Int64
     poses: Float64
+
+    def __new__(cls, places: Iterable[RadioPlace], poses: Float64) -> RadioPlaces:
+        """poses: those of the places, in their order."""
+        radios = super().__new__(cls, places)
+        radios.ids, radios.poses = np.array([place.station_id for place in radios], np.int64), poses
+        return radios
 
 
 class PseudonymUse(NamedTuple):
@@ -99,7 +105,7 @@ def stations_message(stamp_ns: int, stations: Sequence[RadioPlace], frame_id: st
 def stations_of_message(message: Any) -> RadioPlaces:
     """The radios in a recorded message; their positions are exact."""
     poses = build.se3_from_poses([station.pose for station in message.stations])
-    places = RadioPlaces(
+    places = (
         RadioPlace(
             station.station_id,
             station.vehicle,
@@ -109,9 +115,7 @@ def stations_of_message(message: Any) -> RadioPlaces:
         )
         for station, map_SE3_base in zip(message.stations, poses, strict=True)
     )
-    places.ids = np.array([place.station_id for place in places], np.int64)
-    places.poses = poses
-    return places
+    return RadioPlaces(places, poses)
 
 
 def sent_message(sent: Sent) -> StampedCdr:

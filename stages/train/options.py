@@ -25,7 +25,7 @@ class TrainOptions:
     preset: str = option("small", "Size of the detector.")
     steps: int | None = option(None, "Optimiser steps.", least=1)
     batch_size: int = option(2, "Frames of a step; some 16 on a GPU.", least=1)
-    start: Path | None = option(None, "Go on from this checkpoint.")
+    start: Path | None = option(None, "Begin with the weights of this checkpoint.")
     learning_rate: float = option(3e-3, "Peak rate, after the warm-up.")
     validation: Path | None = option(None, "A held-out bag to score.")
     bf16: bool = option(False, "Half the time where the processor has it.")

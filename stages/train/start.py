@@ -31,7 +31,10 @@ def start_from(net: DetectionNetwork, checkpoint: Path) -> None:
     if start.preset.family == net.preset.family or 2 * count < sum(
         weights.numel() for weights in own.values()
     ):
-        raise UsageError(f"{checkpoint} holds {_named(start)}, not {_named(net)}")
+        raise UsageError(
+            f"{checkpoint} holds {_named(start)}, which has too few of the layers of {_named(net)} to start "
+            f"from; give a checkpoint of {_named(net)}, or leave out --start"
+        )
     net.load_state_dict(own | shared)
     notice(f"{_named(net)} starts from {counted(count, 'weight')} of {checkpoint}; its other layers are new")
 

@@ -256,11 +256,11 @@ def _errors_naming(what: str) -> Iterator[None]:
 
 
 def _title(cells: Sequence[GridCell]) -> str:
-    """The cells of one bag and detector, as errors name them."""
-    first = cells[0]
-    defences = ", ".join(cell.defence for cell in cells if cell.defence != UNDEFENDED)
+    """The cells of one bag and detector, as errors name them; the defences if there is no cell without."""
+    first, defences = cells[0], [cell.defence for cell in cells]
     detector = f", {first.detector}" if first.detector else ""
-    return f"{first.drive.title}, {first.attack}{detector}{f' under {defences}' if defences else ''}"
+    under = "" if UNDEFENDED in defences else f" under {', '.join(defences)}"
+    return f"{first.drive.title}, {first.attack}{detector}{under}"
 
 
 def _code_of(cell: GridCell) -> str:

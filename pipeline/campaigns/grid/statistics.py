@@ -36,7 +36,8 @@ class DriveRatio:
     def of(cls, part: Float64, whole: Float64) -> DriveRatio:
         """part, whole: mAP of each drive (N,); the ratio is that of their means.
 
-        No interval where more draws than lie outside of it are of drives without a ratio: they could be any.
+        No interval where draws without a ratio, of drives in which hardly anything is found, are more than
+        those that may lie below it.
         """
         if not len(whole) or whole.mean() < MIN_CLEAN_MAP:
             return cls(math.nan, None)

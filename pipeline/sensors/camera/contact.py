@@ -22,8 +22,8 @@ HIGHEST_M = np.float32(0.6)
 class ContactShadows:
     """The boxes (M, 7) that are near a camera at (3,), and a map of the places beside them.
 
-    All in the map frame. All parts of a picture share it, and look at all boxes at once: with many short
-    sums, threads would wait for one another.
+    All in the map frame. All parts of a picture share it, and look at all boxes at once: few long sums take
+    less time than many short ones.
     """
 
     def __init__(self, boxes: Float64, camera_m: Float64) -> None:

@@ -1,6 +1,6 @@
 """Products of small matrices with vectors that are stored component by component, in three long rows.
 
-BLAS starts threads for such thin products; where the threads of a camera use all processors already, each
+BLAS starts threads for such thin products; where other processes use all processors already, each thread
 waits for the others, which takes ten times as long as the sums themselves.
 """
 

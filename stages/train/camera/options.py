@@ -16,7 +16,7 @@ class ImageTrainOptions:
 
     steps: int = option(6000, "Optimiser steps.", least=1)
     batch_size: int = option(8, "Pictures of a step.", least=1)
-    start: Path | None = option(None, "Go on from this checkpoint.")
+    start: Path | None = option(None, "Begin with the weights of this checkpoint.")
     learning_rate: float = option(2e-3, "Peak rate, after the warm-up.")
     validation: Path | None = option(None, "A held-out bag to score.")
     bf16: bool = option(False, "Half the time where the processor has it.")

@@ -57,7 +57,7 @@ def detector(request):
     [
         lambda: Perturb(eps_cm=20, steps=4),
         lambda: Detach(ratio=0.1, rounds=3),
-        lambda: Attach(eps_m=0.5, points=60, rounds=3),
+        lambda: Attach(eps_m=0.5, points=150, rounds=3),
     ],
     ids=["perturb", "detach", "attach"],
 )

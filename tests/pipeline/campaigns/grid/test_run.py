@@ -105,6 +105,6 @@ def test_the_cell_without_an_object_is_named(tmp_path: Path) -> None:
         factors={"density": {"empty": empty}},
         defences=["none", "jitter:0.02"],
     )
-    cell = r"seed1-\w{12} \(density = empty\), detach, small under jitter:0\.02: "
+    cell = r"seed1-\w{12} \(density = empty\), detach, small: "
     with pytest.raises(AdvpipeError, match=f"^{cell}detach: in 1 frame no object of a class"):
         run(file, tmp_path / "out")
