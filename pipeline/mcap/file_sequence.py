@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.mcap.reader import LATEST_NS, McapFile
+from advpipe.pipeline.mcap.reader import LATEST_NS, McapFile, log_time
 
 
 class FileSequence:
@@ -27,8 +27,8 @@ class FileSequence:
     ) -> Iterator[RawMessage]:
         """Messages in log-time order, see `McapFile.raw_messages`; at equal times, the earlier file's come
         first."""
-        first = np.uint64(max(first_ns or 0, 0))
-        last = np.uint64(LATEST_NS if last_ns is None else min(max(last_ns, 0), LATEST_NS))
+        first = log_time(first_ns or 0)
+        last = log_time(LATEST_NS if last_ns is None else last_ns)
         # Each file once, by the time of its next message; of a file that is not open yet, the index tells it.
         waiting: list[tuple[int, int, RawMessage | None, Iterator[RawMessage]]] = []
         for place in np.flatnonzero((self._last_ns >= first) & (self._first_ns <= last)).tolist():

@@ -56,6 +56,11 @@ DAMAGE = (
 """The exceptions that the libraries raise on damaged bytes."""
 
 
+def log_time(time_ns: int) -> np.uint64:
+    """The time in ns, or the nearest that a file can hold."""
+    return np.uint64(min(max(time_ns, 0), LATEST_NS))
+
+
 @contextmanager
 def mcap_errors(path: Path) -> Iterator[None]:
     """Raise AdvpipeError, one line, for the exceptions of damaged bytes and failing disks in the block."""
@@ -203,8 +208,7 @@ class McapFile:
         """The chunks with messages of these channels that touch this span; in a recording of an hour, one of
         tens of thousands."""
         starts_ns, ends_ns = self._chunk_times_ns
-        first, last = np.uint64(max(first_ns, 0)), np.uint64(min(last_ns, LATEST_NS))
-        is_within = (ends_ns >= first) & (starts_ns <= last)
+        is_within = (ends_ns >= log_time(first_ns)) & (starts_ns <= log_time(last_ns))
         chunks = (self._summary.chunk_indexes[place] for place in np.flatnonzero(is_within))
         return [chunk for chunk in chunks if not ids.isdisjoint(chunk.message_index_offsets)]
 

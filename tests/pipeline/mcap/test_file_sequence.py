@@ -115,6 +115,12 @@ def test_the_order_is_that_of_all_files_read_at_once(tmp_path: Path, seed: int) 
         assert list(sequence.raw_messages(None, *span_ns)) == merged(files, *span_ns)
 
 
+def test_times_that_no_file_can_hold_are_bounds_like_others(tmp_path: Path) -> None:
+    sequence = FileSequence([file_of(tmp_path / "a.mcap", [0, 1]), file_of(tmp_path / "b.mcap", [1, 2])])
+    assert [raw.log_time_ns for raw in sequence.raw_messages(None, -5, 2**64)] == [0, 1, 1, 2]
+    assert not [*sequence.raw_messages(None, None, -1), *sequence.raw_messages(None, 2**64, None)]
+
+
 def test_the_span_of_a_file_without_messages_holds_no_time(tmp_path: Path) -> None:
     assert file_of(tmp_path / "some.mcap", [3, 9]).span_ns == (3, 9)
     first_ns, last_ns = file_of(tmp_path / "none.mcap", []).span_ns
