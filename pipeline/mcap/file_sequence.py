@@ -1,4 +1,4 @@
-"""The .mcap files of one bag, read in log-time order: a file is opened when its first message is due."""
+"""The .mcap files of one bag, read in log-time order: each is open from its first message to its last."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import heapq
 from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from advpipe.pipeline.mcap.channel import RawMessage
-from advpipe.pipeline.mcap.reader import LATEST_NS, McapFile
+from advpipe.pipeline.mcap.reader import LATEST_NS, McapFile, log_time
 
 
 class FileSequence:
@@ -28,24 +27,20 @@ class FileSequence:
     ) -> Iterator[RawMessage]:
         """Messages in log-time order, see `McapFile.raw_messages`; at equal times, the earlier file's come
         first."""
-        first = np.uint64(max(first_ns or 0, 0))
-        last = np.uint64(LATEST_NS if last_ns is None else min(max(last_ns, 0), LATEST_NS))
-        within = np.flatnonzero((self._last_ns >= first) & (self._first_ns <= last))
-        for places in self._overlapping(within):
-            streams = [self._files[place].raw_messages(topic_names, first_ns, last_ns) for place in places]
-            yield from (
-                streams[0] if len(streams) == 1 else heapq.merge(*streams, key=lambda raw: raw.log_time_ns)
-            )
-
-    def _overlapping(self, places: npt.NDArray[np.intp]) -> Iterator[list[int]]:
-        """The places of the files that overlap in time, group by group, in the order of time."""
-        group: list[int] = []
-        last_ns = 0
-        for place in places[np.argsort(self._first_ns[places], kind="stable")].tolist():
-            if group and int(self._first_ns[place]) > last_ns:
-                yield sorted(group)
-                group = []
-            group.append(place)
-            last_ns = max(last_ns, int(self._last_ns[place]))
-        if group:
-            yield sorted(group)
+        first = log_time(first_ns or 0)
+        last = log_time(LATEST_NS if last_ns is None else last_ns)
+        # Each file once, by the time of its next message; of a file that is not open yet, the index tells it.
+        waiting: list[tuple[int, int, RawMessage | None, Iterator[RawMessage]]] = []
+        for place in np.flatnonzero((self._last_ns >= first) & (self._first_ns <= last)).tolist():
+            stream = self._files[place].raw_messages(topic_names, first_ns, last_ns)
+            waiting.append((int(self._first_ns[place]), place, None, stream))
+        heapq.heapify(waiting)
+        while waiting:
+            _, place, due, stream = heapq.heappop(waiting)
+            if due is not None:
+                yield due
+            for raw in stream:
+                if waiting and waiting[0][:2] < (raw.log_time_ns, place):
+                    heapq.heappush(waiting, (raw.log_time_ns, place, raw, stream))
+                    break
+                yield raw

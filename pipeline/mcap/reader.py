@@ -56,6 +56,11 @@ DAMAGE = (
 """The exceptions that the libraries raise on damaged bytes."""
 
 
+def log_time(time_ns: int) -> np.uint64:
+    """The time in ns, or the nearest that a file can hold."""
+    return np.uint64(min(max(time_ns, 0), LATEST_NS))
+
+
 @contextmanager
 def mcap_errors(path: Path) -> Iterator[None]:
     """Raise AdvpipeError, one line, for the exceptions of damaged bytes and failing disks in the block."""
@@ -134,26 +139,27 @@ class McapFile:
     ) -> Iterator[RawMessage]:
         """Yield messages in log-time order, from `first_ns` to `last_ns` inclusive.
 
-        topic_names: all topics by default. With an index, only the chunks of these messages are decompressed.
-        Raises AdvpipeError for a damaged file.
+        topic_names: all topics by default. With an index, only the chunks of these messages are decompressed,
+        and a file that has none stays closed. Raises AdvpipeError for a damaged file.
         """
         names = set(self.counts if topic_names is None else topic_names)
         ids = {channel_id for channel_id, topic in self.topics.items() if topic.name in names}
         first_ns, last_ns = first_ns or 0, LATEST_NS if last_ns is None else last_ns
-        if self.is_indexed and not self._chunks_within(first_ns, last_ns):
-            return  # one of many files of a bag, most of which stay closed
+        chunks = self._chunks_within(ids, first_ns, last_ns) if self.is_indexed else None
+        if chunks == []:
+            return
         with mcap_errors(self.path), self.path.open("rb") as stream:
-            read = self._in_time_order if self.is_indexed else self._in_file_order
-            yield from read(stream, ids, first_ns, last_ns)
+            if chunks is None:
+                yield from self._in_file_order(stream, ids, first_ns, last_ns)
+            else:
+                yield from self._in_time_order(stream, chunks, ids, first_ns, last_ns)
 
     def _in_time_order(
-        self, stream: IO[bytes], ids: set[int], first_ns: int, last_ns: int
+        self, stream: IO[bytes], chunks: list[ChunkIndex], ids: set[int], first_ns: int, last_ns: int
     ) -> Iterator[RawMessage]:
         """Decompress each chunk when its first message is due; until then, a heap holds its index entry."""
         waiting: list[tuple[int, int, int, ChunkIndex | RawMessage]] = [
-            (chunk.message_start_time, chunk.chunk_start_offset, -1, chunk)
-            for chunk in self._chunks_within(first_ns, last_ns)
-            if not ids.isdisjoint(chunk.message_index_offsets)
+            (chunk.message_start_time, chunk.chunk_start_offset, -1, chunk) for chunk in chunks
         ]
         heapq.heapify(waiting)
         held_bytes, budget = 0, self._budget()
@@ -198,12 +204,13 @@ class McapFile:
             if first_ns <= message.log_time_ns <= last_ns:
                 yield offset, self._raw(message)
 
-    def _chunks_within(self, first_ns: int, last_ns: int) -> list[ChunkIndex]:
-        """The chunks with messages of this span; in a recording of an hour, one of tens of thousands."""
+    def _chunks_within(self, ids: set[int], first_ns: int, last_ns: int) -> list[ChunkIndex]:
+        """The chunks with messages of these channels that touch this span; in a recording of an hour, one of
+        tens of thousands."""
         starts_ns, ends_ns = self._chunk_times_ns
-        first, last = np.uint64(max(first_ns, 0)), np.uint64(min(last_ns, LATEST_NS))
-        is_within = (ends_ns >= first) & (starts_ns <= last)
-        return [self._summary.chunk_indexes[place] for place in np.flatnonzero(is_within)]
+        is_within = (ends_ns >= log_time(first_ns)) & (starts_ns <= log_time(last_ns))
+        chunks = (self._summary.chunk_indexes[place] for place in np.flatnonzero(is_within))
+        return [chunk for chunk in chunks if not ids.isdisjoint(chunk.message_index_offsets)]
 
     @cached_property
     def _chunk_times_ns(self) -> npt.NDArray[np.uint64]:

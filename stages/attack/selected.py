@@ -20,12 +20,12 @@ def messages_of_frames(
 
     changed: all messages of the drive in log-time order, where attacks changed some: of these, only clouds of
     the plan's topics are left out. Without them, the bag is read, and no more of it than is needed. Latched
-    topics (/tf_static, /scenario/info) are kept whole: those from before the first chosen frame are logged at
-    its time, so that the bag does not begin with a long silence.
+    topics (/tf_static, /scenario/info) other than the plan's are kept whole: those from before the first
+    chosen frame are logged at its time, so that the bag does not begin with a long silence.
     """
     is_cut = changed is None and plan.frames[0] > 0
     start_ns = int(plan.times_ns[plan.frames[0]]) if is_cut else 0
-    latched = {name for name, info in reader.topics.items() if _is_latched(info.qos)}
+    latched = {name for name, info in reader.topics.items() if _is_latched(info.qos)} - {*plan.topics}
     messages = _near(reader, plan, start_ns, latched) if changed is None else changed
     counts = {name: int(np.searchsorted(reader.log_times_ns(name), start_ns)) for name in plan.topics}
     early: list[RawMessage] = []

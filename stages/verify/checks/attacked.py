@@ -152,13 +152,13 @@ class AttackedBag:
         """The clean bag's messages, in log-time order, that belong to the adversarial bag's frames.
 
         A message belongs to the latest cloud at or before it, or to the first. If messages are attacked
-        too, only clouds are dropped. Latched topics are kept completely.
+        too, only clouds are dropped. Latched topics other than those of the clouds are kept completely.
         """
         if self.frames is None:
             yield from messages
             return
         frames, times_ns = self.frames
-        latched = latched_topics(self.clean)
+        latched = latched_topics(self.clean) - {*self.cloud_topics}
         index = 0
         for raw in messages:
             name = raw.topic.name

@@ -67,6 +67,7 @@ NO_FIGURE = {
     "pipeline/mcap/background.py",
     "pipeline/mcap/channel.py",
     "pipeline/mcap/checksums.py",
+    "pipeline/mcap/file_sequence.py",
     "pipeline/mcap/qos.py",
     "pipeline/mcap/reader.py",
     "pipeline/mcap/records.py",

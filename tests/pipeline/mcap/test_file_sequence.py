@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import mcap.writer
 import numpy as np
@@ -49,31 +49,57 @@ def merged(files: Sequence[McapFile], first_ns: int | None, last_ns: int | None)
 
 
 @pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The files whose messages were read, in order."""
-    found, read = list[str](), McapFile.raw_messages
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[IO[Any]]:
+    """The files that were opened, in order."""
+    found, really_open = list[IO[Any]](), Path.open
 
-    def noted(file: McapFile, *given: Any) -> Iterator[RawMessage]:
-        found.append(file.path.stem)
-        return read(file, *given)
+    def noted(path: Path, mode: str) -> IO[Any]:
+        found.append(really_open(path, mode))
+        return found[-1]
 
-    monkeypatch.setattr(McapFile, "raw_messages", noted)
+    monkeypatch.setattr(Path, "open", noted)
     return found
 
 
-def test_files_one_after_another_are_opened_one_after_another(tmp_path: Path, opened: list[str]) -> None:
+def names_of(streams: Iterable[IO[Any]]) -> list[str]:
+    return [Path(stream.name).stem for stream in streams]
+
+
+def test_files_one_after_another_are_opened_one_after_another(tmp_path: Path, opened: list[IO[Any]]) -> None:
     sequence = FileSequence(
         [file_of(tmp_path / f"{n}.mcap", range(10 * n, 10 * n + 10)) for n in range(1, 5)]
     )
+    opened.clear()
     messages = sequence.raw_messages(None, None, None)
     assert [next(messages).log_time_ns for _ in range(11)] == [*range(10, 21)]
-    assert opened == ["1", "2"]
+    assert names_of(opened) == ["1", "2"]
     assert [raw.log_time_ns for raw in messages] == [*range(21, 50)]
     opened.clear()
     assert [raw.log_time_ns for raw in sequence.raw_messages(None, 29, 31)] == [29, 30, 31]
-    assert opened == ["2", "3"]
+    assert names_of(opened) == ["2", "3"]
+    opened.clear()
     assert not [*sequence.raw_messages(None, 50, None), *sequence.raw_messages(None, -5, -1)]
     assert not list(sequence.raw_messages(["/b"], None, None))
+    assert not opened
+
+
+@pytest.mark.parametrize(("count", "most_open"), [(11, 1), (16, 2), (21, 2), (26, 3)])
+def test_files_that_touch_or_overlap_are_open_only_while_they_are_read(
+    tmp_path: Path, opened: list[IO[Any]], count: int, most_open: int
+) -> None:
+    """Every 10 ns a file begins; with 11 messages, at 1 ns each, the next one begins with its last."""
+    files = [file_of(tmp_path / f"{n}.mcap", range(10 * n, 10 * n + count)) for n in range(9)]
+    expected = merged(files, None, None)
+    opened.clear()
+    found, counts = list[RawMessage](), set[int]()
+    for raw in FileSequence(files).raw_messages(None, None, None):
+        found.append(raw)
+        counts.add(sum(not stream.closed for stream in opened))
+        assert len(opened) <= raw.log_time_ns // 10 + 1
+    assert found == expected
+    assert names_of(opened) == [str(n) for n in range(9)]
+    assert max(counts) == most_open
+    assert all(stream.closed for stream in opened)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -87,6 +113,12 @@ def test_the_order_is_that_of_all_files_read_at_once(tmp_path: Path, seed: int) 
     sequence = FileSequence(files)
     for span_ns in [(None, None), (20, None), (None, 40), (17, 23), (30, 30), (70, 2)]:
         assert list(sequence.raw_messages(None, *span_ns)) == merged(files, *span_ns)
+
+
+def test_times_that_no_file_can_hold_are_bounds_like_others(tmp_path: Path) -> None:
+    sequence = FileSequence([file_of(tmp_path / "a.mcap", [0, 1]), file_of(tmp_path / "b.mcap", [1, 2])])
+    assert [raw.log_time_ns for raw in sequence.raw_messages(None, -5, 2**64)] == [0, 1, 1, 2]
+    assert not [*sequence.raw_messages(None, None, -1), *sequence.raw_messages(None, 2**64, None)]
 
 
 def test_the_span_of_a_file_without_messages_holds_no_time(tmp_path: Path) -> None:

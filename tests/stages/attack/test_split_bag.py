@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
+from typing import IO, Any
 
 import pytest
 
@@ -12,13 +12,13 @@ from advpipe.pipeline.bag.part import BagSplit
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.bag.writer import BagWriter
-from advpipe.pipeline.mcap.reader import McapFile
-from advpipe.pipeline.messages.topics import CLOCK
 from advpipe.pipeline.scenario.attacks import AttackSpec
+from advpipe.stages.attack.clouds import CloudPlan
 from advpipe.stages.attack.request import AttackRequest
 from advpipe.stages.attack.run import attack
+from advpipe.stages.attack.selected import messages_of_frames
 
-DETECTOR = "linear_detector:Shipped"
+DETECTOR, LIDAR = "linear_detector:Shipped", "/ego/lidar/points"
 SCENARIO = "recording:\n  split_s: 0.2\n"
 
 
@@ -52,18 +52,19 @@ def test_chosen_frames_are_read_and_the_other_files_stay_closed(
     request = AttackRequest(
         (AttackSpec(type="detach", parameters={"ratio": 0.1}, frames="2", detector=DETECTOR),), 3
     )
-    attack(clean_bag, tmp_path / "whole", request)
-    opened, read = set[str](), McapFile.raw_messages
-
-    def noted(file: McapFile, names: Collection[str], first_ns: int | None, last_ns: int | None) -> object:
-        if CLOCK.name in names:  # as only the writing of the bag reads it
-            opened.add(file.path.name)
-        return read(file, names, first_ns, last_ns)
-
-    monkeypatch.setattr(McapFile, "raw_messages", noted)
-    attack(drive, tmp_path / "part", request)
-    monkeypatch.undo()
-    assert opened == {"drive_1.mcap"}
+    for bag, name in ((clean_bag, "whole"), (drive, "part")):
+        attack(bag, tmp_path / name, request)
     assert list(BagReader(tmp_path / "part").raw_messages()) == list(
         BagReader(tmp_path / "whole").raw_messages()
     )
+    reader = BagReader(drive)
+    plan = CloudPlan((LIDAR,), range(2, 3), reader.log_times_ns(LIDAR), ())
+    opened, really_open = list[str](), Path.open
+
+    def noted(path: Path, mode: str) -> IO[Any]:
+        opened.append(path.name)
+        return really_open(path, mode)
+
+    monkeypatch.setattr(Path, "open", noted)
+    assert [frame for frame, _ in messages_of_frames(reader, plan) if frame is not None] == [2]
+    assert opened == ["drive_0.mcap", "drive_1.mcap"]  # the first for its latched topics
