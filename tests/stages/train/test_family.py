@@ -60,7 +60,7 @@ def test_a_run_does_not_start_from_another_family(drive, tmp_path, pillars, tiny
         TrainConfig((drive,), tmp_path / "one", family="pillars", preset="narrow", steps=1, workers=1)
     )
     config = TrainConfig((drive,), tmp_path / "two", preset=tiny, start=one.checkpoint, steps=1, workers=1)
-    with pytest.raises(UsageError, match="holds preset 'narrow' of family 'pillars', which has too few of the layers of preset 'tiny'"):
+    with pytest.raises(UsageError, match=r"'narrow' of family 'pillars', .* layers of preset 'tiny'"):
         train(config)
 
 
