@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import Qos, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from advpipe.pipeline.mcap.channel import Topic
-from advpipe.pipeline.mcap.qos import keep_last
+from advpipe.pipeline.mcap.qos import is_latched, keep_last
 from advpipe.pipeline.messages.topics import TF_STATIC
 
 MOST_KEPT = 1000
@@ -51,7 +51,7 @@ def offered_qos(topic: Topic) -> OfferedQos:
     return OfferedQos(
         depth=max(map(_depth, profiles)),
         is_reliable=any(profile.reliability != QosReliability.BEST_EFFORT for profile in profiles),
-        is_latched=any(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles),
+        is_latched=is_latched(profiles),
         deadline_ns=_shortest(profile.deadline for profile in profiles),
         lifespan_ns=_longest([profile.lifespan for profile in profiles]),
         liveliness=max(kinds, key=lambda kind: kind.value, default=QosLiveliness.AUTOMATIC),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
 import yaml
@@ -35,6 +36,11 @@ def keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> tu
             avoid_ros_namespace_conventions=False,
         ),
     )
+
+
+def is_latched(profiles: Iterable[Qos]) -> bool:
+    """Whether late subscribers receive the last messages of one of these publishers."""
+    return any(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles)
 
 
 class _Time(Document):

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from rosbags.interfaces import QosDurability
-
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, lidar_topics, sensors_by_topic
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import TopicInfo
+from advpipe.pipeline.mcap.qos import is_latched
 from advpipe.pipeline.messages.debug import is_debug
 from advpipe.pipeline.messages.topics import MAP_FRAME, TF, TF_STATIC, VehicleTopics, is_truth
 from advpipe.pipeline.sensors.lidar.lidars import CLOUD_PANEL
@@ -55,7 +54,7 @@ class ViewerScene:
 def viewer_scene(reader: BagReader) -> ViewerScene:
     """The scene of a bag; for one with its debug topics, give a reader that has them."""
     topics = {name: info for name, info in sorted(reader.topics.items()) if info.count}
-    viewed = {name: ViewedTopic(name, _is_latched(info)) for name, info in topics.items()}
+    viewed = {name: ViewedTopic(name, is_latched(info.qos)) for name, info in topics.items()}
     vehicles = _vehicles(topics, lidar_topics(reader))
     ego = VehicleTopics(vehicles[0]) if vehicles else VehicleTopics()
     pairs = _transforms(reader)
@@ -100,7 +99,3 @@ def _transforms(reader: BagReader) -> set[tuple[str, str]]:
         for _, message in islice(reader.messages(topic), _TRANSFORM_MESSAGES)
         for transform in message.transforms
     }
-
-
-def _is_latched(info: TopicInfo) -> bool:
-    return any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in info.qos)

@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from rosbags.interfaces import QosDurability
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.mcap.qos import is_latched
 from advpipe.stages.attack.clouds import CloudPlan
 
 
@@ -25,7 +25,7 @@ def messages_of_frames(
     """
     is_cut = changed is None and plan.frames[0] > 0
     start_ns = int(plan.times_ns[plan.frames[0]]) if is_cut else 0
-    latched = {name for name, info in reader.topics.items() if _is_latched(info.qos)} - {*plan.topics}
+    latched = {name for name, info in reader.topics.items() if is_latched(info.qos)} - {*plan.topics}
     messages = _near(reader, plan, start_ns, latched) if changed is None else changed
     counts = {name: int(np.searchsorted(reader.log_times_ns(name), start_ns)) for name in plan.topics}
     early: list[RawMessage] = []
@@ -57,7 +57,3 @@ def _near(
     yield from reader.raw_messages(first_ns=start_ns, last_ns=end_ns)
     if end_ns is not None:
         yield from reader.raw_messages(latched, first_ns=end_ns + 1)
-
-
-def _is_latched(profiles: tuple[object, ...]) -> bool:
-    return any(getattr(qos, "durability", None) is QosDurability.TRANSIENT_LOCAL for qos in profiles)

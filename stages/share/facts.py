@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from rosbags.interfaces import QosDurability
-
 from advpipe.pipeline.bag.carried import CLOUD_TYPE, CarriedSensor, is_lidar, sensors_by_topic
 from advpipe.pipeline.bag.inspect import BagDescription, describe
 from advpipe.pipeline.bag.provenance_record import Provenance
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.mcap.qos import is_latched
 from advpipe.pipeline.messages.build import NS_PER_S
 from advpipe.pipeline.messages.debug import is_debug
 from advpipe.pipeline.messages.topics import TF, TF_STATIC, is_truth
@@ -153,8 +152,8 @@ def read_facts(path: Path) -> BagFacts:
     for raw in reader.raw_messages():
         name = raw.topic.name
         if name not in topics:
-            latched = any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in raw.topic.qos)
-            topics[name] = TopicFacts(name, raw.topic.type, raw.schema, raw.schema_encoding, latched)
+            topic, latched = raw.topic, is_latched(raw.topic.qos)
+            topics[name] = TopicFacts(name, topic.type, raw.schema, raw.schema_encoding, latched)
         topics[name].add(raw)
         if name in (TF.name, TF_STATIC.name):
             _add_transforms(transforms, reader, raw)

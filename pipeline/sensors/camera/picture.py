@@ -21,7 +21,8 @@ Int64 = npt.NDArray[np.int64]
 
 MAX_RAYS = 1 << 18
 """Most rays that are cast at once, for flat memory. Open3D casts them with all cores while it holds the
-interpreter's lock: a second thread that casts and shades another part makes a picture later, not earlier."""
+interpreter's lock: a second thread that cast and shaded another part made a picture a tenth later on an AMD
+EPYC, and hardly earlier on an Intel Xeon."""
 
 WORKERS = 2
 """Threads that develop, count layers and compress."""

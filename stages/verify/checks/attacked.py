@@ -21,6 +21,7 @@ from advpipe.pipeline.labels.clouds import FRAMES
 from advpipe.pipeline.labels.declaration import Family
 from advpipe.pipeline.labels.quantity import Quantity, Range
 from advpipe.pipeline.mcap.channel import RawMessage
+from advpipe.pipeline.mcap.qos import is_latched
 from advpipe.pipeline.messages.topics import (
     TF,
     V2X_PACKETS,
@@ -175,10 +176,4 @@ class AttackedBag:
 
 def latched_topics(reader: BagReader) -> frozenset[str]:
     """The topics with transient-local durability."""
-    from rosbags.interfaces import QosDurability
-
-    return frozenset(
-        name
-        for name, info in reader.topics.items()
-        if any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in info.qos)
-    )
+    return frozenset(name for name, info in reader.topics.items() if is_latched(info.qos))
