@@ -71,7 +71,7 @@ def to_bev(features: Tensor, rules: Rulebook) -> Tensor:
     cells = ((batch * height + y) * width + x) * depth + z
     channels = features.shape[1]
     dense = features.new_zeros(rules.sites.batch_size * height * width * depth, channels)
-    dense = dense.index_copy(0, cells, features)
+    dense.index_copy_(0, cells, features)  # in place: no second copy of the map
     bev: Tensor = dense.view(rules.sites.batch_size, height, width, depth * channels).permute(0, 3, 1, 2)
     return bev
 

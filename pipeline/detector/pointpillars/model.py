@@ -43,7 +43,7 @@ class PointPillarsNet(AnchorNetwork[VoxelPoints]):
             pillars = pillars * occupancy[:, None]
         maps, height, width = self._map_shape(voxels)
         dense = pillars.new_zeros(maps * height * width, pillars.shape[1])
-        dense = dense.index_copy(0, self._cells(voxels), pillars)
+        dense.index_copy_(0, self._cells(voxels), pillars)  # in place: no second copy of the map
         return dense.view(maps, height, width, -1).permute(0, 3, 1, 2)
 
     def occupied_cells(self, voxels: VoxelPoints) -> Tensor:
