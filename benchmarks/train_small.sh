@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Makes the drives that the `small` checkpoint learns from, and trains it from nothing: some 15 minutes of
-# simulation on two quiet cores, 15 GB below build/small, and several runs of under two hours each, or with
+# simulation on two quiet cores, 3 GB below build/small, and several runs of under two hours each, or with
 # `device=cuda` one of some ten minutes. Stopped, it goes on where it was. Nothing learns from the drives `valid`
 # and `valid_hdl64`, which are scored on the way, nor from Town06, on which the checkpoint is judged.
-# `family=pointpillars` or `family=centerpoint` trains that one instead, `preset=360` a larger one.
+# `family=pointpillars` or `family=centerpoint` trains that one instead, `preset=360` a larger one; `runs=1` stops
+# after the first run. `start=FILE` begins with a checkpoint, such as SECOND's for CenterPoint, in one short run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=.venv/bin
@@ -131,13 +132,18 @@ train() { # name, seed, steps, further options
         --family "$family" --preset "$preset" --device "$device" --validate "$work/valid" "${@:4}" "${trained_on[@]}"
 }
 name=$family-$preset
+last=
 if [ "$device" != cpu ]; then
     train "$name" 0 "${steps:-6000}" --batch-size 16
     last=$name
+elif [ -n "${start:-}" ]; then # under an hour on two quiet cores
+    train "$name" 0 "${steps:-1250}" --batch-size 4 --bf16 --start "$start" --learning-rate 0.002
+    last=$name
 else # each run under two hours on two quiet cores
-    train "$name-1" 0 6000 --bf16
-    train "$name-2" 1 6000 --bf16 --start "$work/$name-1/detector.safetensors" --learning-rate 0.002
-    train "$name-3" 2 6000 --bf16 --start "$work/$name-2/detector.safetensors" --learning-rate 0.0015
-    last=$name-3
+    rates=(0.003 0.002 0.0015)
+    for ((run = 1; run <= ${runs:-3}; run++)); do
+        train "$name-$run" "$((run - 1))" 6000 --bf16 --learning-rate "${rates[run - 1]}" ${last:+--start "$work/$last/detector.safetensors"}
+        last=$name-$run
+    done
 fi
 echo "checkpoint: $work/$last/detector.safetensors"

@@ -10,6 +10,8 @@ import numpy.typing as npt
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.radar.section import RadarSensor
 
+Int64 = npt.NDArray[np.int64]
+
 RANGE, AZIMUTH, ELEVATION, VELOCITY = range(4)
 """Columns of a measurement: metres, radians, radians, metres a second."""
 
@@ -73,11 +75,25 @@ def are_peaks(section: RadarSensor, centre: Float64, power: Float64) -> npt.NDAr
     Two targets are resolved if they are a cell's width apart in at least one dimension.
     """
     peaks = np.ones(len(power), bool)
-    if len(power) < 2:
-        return peaks
-    from scipy.spatial import cKDTree
-
-    near = cKDTree(centre / resolutions(section)).query_pairs(1 - 1e-9, p=np.inf, output_type="ndarray")
-    weaker = np.where(power[near[:, 0]] < power[near[:, 1]], near[:, 0], near[:, 1])
-    peaks[weaker] = False
+    first, second = _close_pairs(centre / resolutions(section))
+    peaks[np.where(power[first] < power[second], first, second)] = False
     return peaks
+
+
+def _close_pairs(places: Float64) -> tuple[Int64, Int64]:
+    """Pairs of the rows of (K, 4) that are less than 1 apart in every column.
+
+    Sorted by the first column, each row is compared with those that follow within 1: in a radar's ranges
+    these are few, and a tree takes five times as long.
+    """
+    apart = 1 - 1e-9
+    order = np.argsort(places[:, 0], kind="stable")
+    places = places[order]
+    begins = np.arange(1, len(places) + 1)
+    counts = np.searchsorted(places[:, 0], places[:, 0] + apart, side="right") - begins
+    first = np.repeat(begins - 1, counts)
+    second = np.arange(len(first)) + np.repeat(begins - (np.cumsum(counts) - counts), counts)
+    for column in range(1, places.shape[1]):
+        close = np.abs(places[first, column] - places[second, column]) <= apart
+        first, second = first[close], second[close]
+    return order[first], order[second]
