@@ -142,7 +142,7 @@ elif [ -n "${start:-}" ]; then # under an hour on two quiet cores
 else # each run under two hours on two quiet cores
     rates=(0.003 0.002 0.0015)
     for ((run = 1; run <= ${runs:-3}; run++)); do
-        train "$name-$run" "$((run - 1))" 6000 --bf16 --learning-rate "${rates[run - 1]}" ${last:+--start "$work/$last/detector.safetensors"}
+        train "$name-$run" "$((run - 1))" "${steps:-6000}" --bf16 --learning-rate "${rates[run - 1]}" ${last:+--start "$work/$last/detector.safetensors"}
         last=$name-$run
     done
 fi

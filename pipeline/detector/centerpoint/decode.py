@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import torch
-from torch.nn import functional as F
 
 from advpipe.pipeline.detector.centerpoint.head import CentrePredictions
 from advpipe.pipeline.detector.centerpoint.targets import CentreGrid
@@ -20,11 +19,7 @@ def decode_centres(predictions: CentrePredictions, b: int, grid: CentreGrid) -> 
     """
     preset, r = grid.preset, grid.preset.range_m
     of_classes = torch.sigmoid(predictions.scores[b])
-    likely = of_classes >= SCORE_THRESHOLD
-    if preset.peaks_only:
-        maps = of_classes.T.reshape(1, -1, grid.height, grid.width)
-        likely &= (F.max_pool2d(maps, 3, 1, 1) == maps).flatten(2)[0].T
-    cells, labels = likely.nonzero().unbind(1)
+    cells, labels = (of_classes >= SCORE_THRESHOLD).nonzero().unbind(1)
     scores = of_classes[cells, labels]
     if predictions.qualities is not None and preset.quality_power is not None:
         scores = scores * torch.sigmoid(predictions.qualities[b][cells]) ** preset.quality_power

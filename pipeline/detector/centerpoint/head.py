@@ -15,15 +15,12 @@ from advpipe.pipeline.detector.common.backbone2d import Convolve, padded
 PRIOR = 0.1
 """Score of every cell before training (Zhou et al., "Objects as Points", section 4)."""
 
-CODES = {"center": 2, "center_z": 1, "dim": 3, "rot": 2}
-"""The branches for the code of a box, in its order and by OpenPCDet's names; "hm" is the heat map's."""
-
 
 @dataclass(frozen=True)
 class CentrePredictions:
     """Raw output for B clouds and N cells in (H, W) order.
 
-    scores: (B, N, classes) logits of the heat. codes: (B, N, 8), see `targets.CODE_SIZE`.
+    scores: (B, N, classes) logits of the heat. codes: (B, N, C), see `targets.CentreGrid.encode`.
     qualities: (B, N) logits of the box's IoU with the truth; None where the preset has none.
     """
 
@@ -46,7 +43,8 @@ class CentreHead(nn.Module):
         super().__init__()
         channels = preset.head_channels
         self.shared = _layer(c_in, channels)
-        widths = {**CODES, "hm": len(preset.classes)}
+        self.code = preset.code
+        widths = {**self.code, "hm": len(preset.classes)}  # by OpenPCDet's names: the heat map
         if preset.quality_power is not None:
             widths["iou"] = 1
         self.hidden = nn.ModuleDict({name: _layer(channels, channels) for name in widths})
@@ -68,7 +66,7 @@ class CentreHead(nn.Module):
             with torch.autocast(features.device.type, enabled=False):
                 map_ = convolve(last, inner.to(last.weight.dtype))
             parts[name] = map_.permute(0, 2, 3, 1).flatten(1, 2)
-        codes = torch.cat([parts[name] for name in CODES], dim=2)
+        codes = torch.cat([parts[name] for name in self.code], dim=2)
         return CentrePredictions(parts["hm"], codes, parts["iou"].squeeze(2) if "iou" in parts else None)
 
 

@@ -19,21 +19,21 @@ GAMMA, BETA = 2, 4
 def centre_losses(
     predictions: CentrePredictions, b: int, target: CentreTargets, grid: CentreGrid
 ) -> tuple[Tensor, ...]:
-    """The weighted parts of cloud `b`, in the order of `CENTRE_LOSS_PARTS`, each normalised by its
-    objects."""
-    count = max(1, len(target.cells))
+    """The weighted parts of cloud `b`, in the order of `CENTRE_LOSS_PARTS`: the heat's for each object, the
+    others means over the cells that learn a box, weighted by their heat."""
     heat = focal_heat_loss(predictions.scores[b], target)
+    share = target.weights / target.weights.sum().clamp(min=1.0)
     code = predictions.codes[b][target.cells]
-    box = (code - grid.encode(target.boxes)).abs().sum() / count
+    box = (share[:, None] * (code - grid.encode(target.boxes, target.cells)).abs()).sum()
     if grid.preset.overlap_weight:
         overlap = anchor_loss.aligned_iou(grid.decode(code, target.cells), target.boxes)
-        box = box + grid.preset.overlap_weight * (1 - overlap).sum() / count
+        box = box + grid.preset.overlap_weight * (share * (1 - overlap)).sum()
     quality = heat.new_zeros(())
     if predictions.qualities is not None:
         logits = predictions.qualities[b][target.cells]
         # The IoU target is detached: otherwise boxes would be made worse to match a low quality.
         iou = anchor_loss.aligned_iou(grid.decode(code.detach(), target.cells), target.boxes)
-        quality = F.binary_cross_entropy_with_logits(logits, iou, reduction="sum") / count
+        quality = F.binary_cross_entropy_with_logits(logits, iou, weight=share, reduction="sum")
     return HEAT_WEIGHT * heat, BOX_WEIGHT * box, QUALITY_WEIGHT * quality
 
 

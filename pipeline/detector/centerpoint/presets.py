@@ -15,8 +15,10 @@ class CenterPointPreset(SuppressionPreset, SparsePreset):
     """The shape of a CenterPoint, and the targets of its heat map.
 
     head_channels: of the layers of the head. heat_overlap: a box that is off by the radius of a target's peak
-    still overlaps the true one by this IoU. least_radius: of a peak, in cells. peaks_only: detections are at
-    cells whose score no neighbour exceeds (Zhou et al. 2019, "Objects as Points", section 3).
+    still overlaps the true one by this IoU. least_radius: of a peak, in cells. box_heat: the heat from which
+    a cell learns an object's box; 1 for the cell of the centre alone. axis_code: the head also predicts
+    the cosine and the sine of twice the heading, and those of the heading itself only decide which end is the
+    front: where that is in doubt, they shrink, and say little of the axis.
     """
 
     family = "centerpoint"
@@ -24,7 +26,14 @@ class CenterPointPreset(SuppressionPreset, SparsePreset):
     head_channels: int
     heat_overlap: float = 0.1
     least_radius: int = 2
-    peaks_only: bool = False
+    box_heat: float = 1.0
+    axis_code: bool = False
+
+    @property
+    def code(self) -> dict[str, int]:
+        """The branches for the code of a box (see `targets.CentreGrid.encode`), by OpenPCDet's names, and how
+        many numbers each predicts."""
+        return {"center": 2, "center_z": 1, "dim": 3, "rot": 4 if self.axis_code else 2}
 
 
 SMALL = CenterPointPreset(
@@ -35,12 +44,14 @@ SMALL = CenterPointPreset(
     channels_3d=SECOND_SMALL.channels_3d,
     bev=(BevBlock(4, 1, 64, 1, 64), BevBlock(4, 2, 128, 2, 64)),
     head_channels=32,
-    peaks_only=True,
+    box_heat=0.2,
+    axis_code=True,
     input_offset=SECOND_SMALL.input_offset,
     input_scale=SECOND_SMALL.input_scale,
     place_in_voxel=True,
     overlap_weight=0.5,
     nms_iou=0.1,
+    vote_iou=0.5,
     suppress_by_class=True,
     quality_power=1.0,
 )

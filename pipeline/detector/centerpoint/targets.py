@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 
 import torch
 from torch import Tensor
 
 from advpipe.pipeline.bag.uncounted import Uncounted
 from advpipe.pipeline.detector.centerpoint.presets import CenterPointPreset
-
-CODE_SIZE = 8
-"""Numbers of a box: its centre in its cell along x and y, z in metres, the logarithms of length, width and
-height in metres, the cosine and the sine of the heading."""
 
 LARGEST_LOG = 5.0
 """A predicted size is at most e^5 m either way: a network that was never trained may predict any."""
@@ -23,7 +20,8 @@ class CentreTargets:
     """The training targets of one cloud on N cells.
 
     heat: (N, classes), 1 at the centre of an object and less about it. counted: (N, classes) bool; the
-    others do not contribute to the loss. cells: (M,) int64, boxes: (M, 7), labels: (M,) of the M objects.
+    others do not contribute to the loss. cells: (K,) int64, those that learn a box; boxes: (K, 7); labels:
+    (K,); weights: (K,), the heat of that box there, 1 at its centre.
     """
 
     heat: Tensor
@@ -31,6 +29,7 @@ class CentreTargets:
     cells: Tensor
     boxes: Tensor
     labels: Tensor
+    weights: Tensor
 
 
 class CentreGrid:
@@ -74,10 +73,17 @@ class CentreGrid:
         if uncounted:
             counted &= ~self._uncounted(uncounted)
         counted |= heat == 1
-        chosen = boxes[is_learned]
-        column, row = self.places(chosen).long().unbind(1)
+        learned = peaks[is_learned].flatten(1)
+        # Where peaks overlap, a cell learns the box of the highest.
+        mine = (learned >= self.preset.box_heat) & (learned == heat.flatten(1).amax(0))
+        objects, cells = mine.nonzero().unbind(1)
         return CentreTargets(
-            heat.flatten(1).T, counted.flatten(1).T, row * self.width + column, chosen, labels[is_learned]
+            heat.flatten(1).T,
+            counted.flatten(1).T,
+            cells,
+            boxes[is_learned][objects],
+            labels[is_learned][objects],
+            learned[mine],
         )
 
     def places(self, boxes: Tensor) -> Tensor:
@@ -85,19 +91,31 @@ class CentreGrid:
         places = (boxes[:, :2] - self.low_m) / self.cell_m
         return torch.minimum(places.clamp(min=0), places.new_tensor([self.width, self.height]) - 0.5)
 
-    def encode(self, boxes: Tensor) -> Tensor:
-        """The code (M, 8) of boxes (M, 7) at the cells of their centres."""
-        places = self.places(boxes)
-        turn = torch.stack([torch.cos(boxes[:, 6]), torch.sin(boxes[:, 6])], dim=1)
-        return torch.cat([places - places.floor(), boxes[:, 2:3], torch.log(boxes[:, 3:6]), turn], dim=1)
+    def encode(self, boxes: Tensor, cells: Tensor) -> Tensor:
+        """The code (K, C) of boxes (K, 7) at flat cells (K,).
+
+        The centre from the cell's corner along x and y in cells, z in metres, the logarithms of length, width
+        and height in metres, cosine and sine of the heading; with `axis_code` also of twice the heading.
+        """
+        offsets, yaw = self.places(boxes) - self._corners(cells), boxes[:, 6:7]
+        turns = [yaw, 2 * yaw] if self.preset.axis_code else [yaw]
+        waves = [wave(turn) for turn in turns for wave in (torch.cos, torch.sin)]
+        return torch.cat([offsets, boxes[:, 2:3], torch.log(boxes[:, 3:6]), *waves], dim=1)
 
     def decode(self, code: Tensor, cells: Tensor) -> Tensor:
-        """The boxes (K, 7) of a code (K, 8) at flat cells (K,)."""
-        corner = torch.stack([cells % self.width, cells // self.width], dim=1)
-        centre = (corner + code[:, :2]) * self.cell_m + self.low_m
+        """The boxes (K, 7) of a code (K, C) at flat cells (K,)."""
+        centre = (self._corners(cells) + code[:, :2]) * self.cell_m + self.low_m
         size = torch.exp(code[:, 3:6].clamp(-LARGEST_LOG, LARGEST_LOG))
         yaw = torch.atan2(code[:, 7], code[:, 6])
+        if self.preset.axis_code:
+            axis = torch.atan2(code[:, 9], code[:, 8]) / 2
+            is_ahead = code[:, 6] * torch.cos(axis) + code[:, 7] * torch.sin(axis) >= 0
+            yaw = torch.where(is_ahead, axis, axis + pi)
         return torch.cat([centre, code[:, 2:3], size, yaw[:, None]], dim=1)
+
+    def _corners(self, cells: Tensor) -> Tensor:
+        """Column and row (K, 2) of flat cells (K,)."""
+        return torch.stack([cells % self.width, cells // self.width], dim=1)
 
     def _peaks(self, boxes: Tensor) -> Tensor:
         """The heat (M, H, W) about each box: a Gaussian in a square of its radius, 1 in the centre's cell."""
@@ -117,9 +135,8 @@ class CentreGrid:
         """Which cells (H, W) lie where nothing counts, or about an object that does not."""
         r, device = self.preset.range_m, self.low_m.device
         cells = torch.arange(self.height * self.width, device=device)
-        corner = torch.stack([cells % self.width, cells // self.width], dim=1)
         centres = torch.zeros(len(cells), 7, device=device)
-        centres[:, :2] = (corner + 0.5) * self.cell_m + self.low_m
+        centres[:, :2] = (self._corners(cells) + 0.5) * self.cell_m + self.low_m
         centres[:, 2] = (r.z_min_m + r.z_max_m) / 2
         found = uncounted.ignores_centres(centres.cpu().double().numpy())
         outside = torch.from_numpy(found).to(device).view(self.height, self.width)

@@ -27,7 +27,7 @@ def test_waymo_has_as_many_parameters_as_the_yaml_says():
 def test_waymo_has_the_numbers_of_its_yaml():
     assert WAYMO.grid_zyx == (41, 1504, 1504)
     assert (WAYMO.points_per_voxel, WAYMO.max_voxels) == (5, 150_000)
-    assert (WAYMO.heat_overlap, WAYMO.least_radius, WAYMO.peaks_only) == (0.1, 2, False)
+    assert (WAYMO.heat_overlap, WAYMO.least_radius, WAYMO.box_heat, WAYMO.axis_code) == (0.1, 2, 1.0, False)
     assert (WAYMO.nms_iou, WAYMO.max_candidates, WAYMO.max_detections) == (0.7, 500, 500)
     net = CenterPointNet(WAYMO)
     grid = net.centre_grid()
@@ -37,4 +37,5 @@ def test_waymo_has_the_numbers_of_its_yaml():
 
 def test_small_fits_in_a_checkpoint_of_four_megabytes():
     assert SMALL.classes == CLASSES
+    assert count(CenterPointNet(SMALL)) == 1_410_367
     assert 2 * count(CenterPointNet(SMALL)) < 4e6

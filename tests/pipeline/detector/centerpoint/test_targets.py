@@ -15,7 +15,7 @@ from advpipe.pipeline.detector.centerpoint.targets import CentreGrid, peak_radiu
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.messages.labels import IgnoredBoxes
 
-PRESET = replace(SMALL, range_m=Range(-8.0, -6.4, -3.1, 8.0, 6.4, 2.3))
+PRESET = replace(SMALL, range_m=Range(-8.0, -6.4, -3.1, 8.0, 6.4, 2.3), box_heat=1.0, axis_code=False)
 CAR = [1.0, -2.0, -0.9, 4.0, 2.0, 1.5, 0.5]
 
 
@@ -40,6 +40,7 @@ def test_the_heat_about_a_car_equals_a_gaussian(grid):
     heat = target.heat.view(16, 20, 4)
     # Its centre is 9 m and 4.4 m into the map: in column 11.25 and row 5.5. The radius is the least one, 2.
     assert target.cells.tolist() == [5 * 20 + 11]
+    assert target.weights.tolist() == [1]
     assert heat[5, 11, 0] == 1
     deviation = 5 / 6
     for row, column in ((5, 12), (6, 11), (7, 9), (3, 13)):
@@ -67,10 +68,53 @@ def test_large_objects_have_wide_peaks_and_the_higher_one_counts(grid):
 
 
 def test_the_code_of_a_box_equals_one_computed_by_hand(grid):
-    box = torch.tensor([CAR])
+    box, cells = torch.tensor([CAR]), torch.tensor([5 * 20 + 11])
     expected = [0.25, 0.5, -0.9, log(4.0), log(2.0), log(1.5), cos(0.5), sin(0.5)]
-    assert grid.encode(box)[0].tolist() == pytest.approx(expected, abs=1e-5)
-    torch.testing.assert_close(grid.decode(grid.encode(box), torch.tensor([5 * 20 + 11])), box)
+    assert grid.encode(box, cells)[0].tolist() == pytest.approx(expected, abs=1e-5)
+    torch.testing.assert_close(grid.decode(grid.encode(box, cells), cells), box)
+    beside = torch.tensor([6 * 20 + 10])
+    assert grid.encode(box, beside)[0, :2].tolist() == pytest.approx([1.25, -0.5], abs=1e-5)
+    torch.testing.assert_close(grid.decode(grid.encode(box, beside), beside), box)
+
+
+@pytest.mark.parametrize("yaw", [0.5, -0.5, 1.6, 3.0, -3.0, -1.8])
+def test_with_an_axis_code_the_heading_only_decides_the_front(yaw):
+    grid = CentreGrid(replace(PRESET, axis_code=True), 16, 20)
+    box, cells = torch.tensor([[*CAR[:6], yaw]]), torch.tensor([5 * 20 + 11])
+    code = grid.encode(box, cells)
+    assert code[0, 6:].tolist() == pytest.approx([cos(yaw), sin(yaw), cos(2 * yaw), sin(2 * yaw)], abs=1e-5)
+    code[0, 6:8] *= 0.01  # in doubt
+    code[0, 6] += 0.001
+    found = grid.decode(code, cells)
+    turned = float(found[0, 6]) - yaw
+    assert (cos(turned), sin(turned)) == pytest.approx((1, 0), abs=1e-5)
+    torch.testing.assert_close(found[:, :6], box[:, :6])
+    code[0, 6:8] *= -1
+    assert cos(float(grid.decode(code, cells)[0, 6]) - yaw) == pytest.approx(-1, abs=1e-5)
+
+
+def test_cells_about_a_centre_learn_the_box_of_the_higher_peak():
+    grid = CentreGrid(replace(PRESET, box_heat=0.2), 16, 20)
+    near = [CAR[0] + 2.4, *CAR[1:]]  # three columns beside it
+    target = grid.assign(torch.tensor([CAR, near]), torch.tensor([0, 1]))
+    own = {(5 + row, 11 + column) for row in (-1, 0, 1) for column in (-1, 0, 1)}
+    first = target.labels == 0
+    assert {divmod(cell, 20) for cell in target.cells[first].tolist()} == own
+    assert {divmod(cell, 20) for cell in target.cells[~first].tolist()} == {(r, c + 3) for r, c in own}
+    assert (target.boxes[first] == torch.tensor(CAR)).all()
+    side, corner = exp(-1 / (2 * (5 / 6) ** 2)), exp(-2 / (2 * (5 / 6) ** 2))
+    assert sorted(target.weights[first].tolist()) == pytest.approx([corner] * 4 + [side] * 4 + [1], rel=1e-5)
+
+    closer = [CAR[0] + 0.8, *CAR[1:]]  # the next column: each keeps its own half
+    target = grid.assign(torch.tensor([CAR, closer]), torch.tensor([0, 0]))
+    columns = [sorted({cell % 20 for cell in target.cells[boxes].tolist()}) for boxes in _of(target, CAR)]
+    assert columns == [[10, 11], [12, 13]]
+
+
+def _of(target, box):
+    """Which cells learn this box, and which do not."""
+    mine = (target.boxes == torch.tensor(box)).all(1)
+    return mine, ~mine
 
 
 def test_boxes_out_of_range_are_no_targets(grid):
