@@ -12,6 +12,8 @@ from advpipe.pipeline.detector.family import Family
 if TYPE_CHECKING:
     from advpipe.pipeline.detector.centerpoint.model import CenterPointNet
 
+SHIPPED = {"centerpoint": Path(__file__).parent / "checkpoints" / "centerpoint.safetensors"}
+
 
 class CenterPointFamily(Family):
     """CenterPoint in pure PyTorch, and OpenPCDet's weights for its preset `waymo`."""
@@ -19,6 +21,10 @@ class CenterPointFamily(Family):
     @property
     def presets(self) -> Mapping[str, CenterPointPreset]:
         return PRESETS
+
+    @property
+    def shipped(self) -> Mapping[str, Path]:
+        return SHIPPED
 
     def network(self, preset: str) -> CenterPointNet:
         from advpipe.pipeline.detector.centerpoint.model import CenterPointNet

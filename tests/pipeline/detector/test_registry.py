@@ -11,6 +11,7 @@ import torch
 
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.detector.checkpoint import save_checkpoint
+from advpipe.pipeline.detector.families import FAMILIES, shipped_checkpoints
 from advpipe.pipeline.detector.protocol import Range
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.pipeline.detector.second import model
@@ -19,10 +20,17 @@ from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 
 
-def test_the_shipped_detector_is_loaded_by_name():
-    detector = load_detector("small")
-    assert detector.preset == SMALL
-    assert int(detector.provenance["frames"]) > 0
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [("small", "second"), ("pointpillars", "pointpillars"), ("centerpoint", "centerpoint")],
+)
+def test_shipped_detectors_are_loaded_by_name(name, family):
+    detector = load_detector(name)
+    assert detector.net.preset == FAMILIES[family].preset("small")
+    assert int(detector.provenance["frames"]) == 37 * 60
+    file = shipped_checkpoints()[name]
+    assert file.stat().st_size < 4e6
+    assert (file.parent / "MODEL_CARD.md").is_file()
 
 
 def test_a_checkpoint_is_loaded_by_path(tmp_path):
@@ -34,10 +42,11 @@ def test_a_checkpoint_is_loaded_by_path(tmp_path):
 def test_the_name_of_a_family_is_answered_with_what_to_give():
     with pytest.raises(AdvpipeError, match=r"second is a family of detectors; give .* checkpoints: small"):
         load_detector("second")
-    for name in ("pointpillars", "centerpoint"):
-        trained = f"no checkpoint .* {name} is shipped; train one with `advpipe train .* --family {name} "
-        with pytest.raises(AdvpipeError, match=trained):
-            load_detector(name)
+    trained = (
+        "no checkpoint .* pointpillars is shipped; train one with `advpipe train .* --family pointpillars "
+    )
+    with pytest.raises(AdvpipeError, match=trained):
+        load_detector("pointpillars")
 
 
 class Mine:

@@ -55,6 +55,12 @@ def test_the_list_belongs_to_the_shipped_checkpoint() -> None:
     assert is_training_map(small, None) is None
 
 
+def test_centerpoint_learned_from_the_same_maps() -> None:
+    """Its checkpoint holds the maps itself."""
+    maps = json.loads(load_detector("centerpoint").provenance[KEY])  # type: ignore[attr-defined]
+    assert set(maps) == set(shipped_list().maps_sha256.values())
+
+
 def test_the_list_has_every_drive_of_the_script(training_maps: ModuleType) -> None:
     """37, as many as the checkpoint's own record names; and not the one that it was validated on."""
     drives = {drive.name: drive for drive in training_maps.drives()}
