@@ -20,10 +20,7 @@ from advpipe.pipeline.detector.second.model import Second, SecondNet
 from advpipe.pipeline.detector.second.presets import SMALL
 
 
-@pytest.mark.parametrize(
-    ("name", "family"),
-    [("small", "second"), ("pointpillars", "pointpillars"), ("centerpoint", "centerpoint")],
-)
+@pytest.mark.parametrize(("name", "family"), [("small", "second"), ("centerpoint", "centerpoint")])
 def test_shipped_detectors_are_loaded_by_name(name, family):
     detector = load_detector(name)
     assert detector.net.preset == FAMILIES[family].preset("small")
