@@ -83,17 +83,21 @@ def are_peaks(section: RadarSensor, centre: Float64, power: Float64) -> npt.NDAr
 def _close_pairs(places: Float64) -> tuple[Int64, Int64]:
     """Pairs of the rows of (K, 4) that are less than 1 apart in every column.
 
-    Sorted by the first column, each row is compared with those that follow within 1: in a radar's ranges
-    these are few, and a tree takes five times as long.
+    Sorted by the whole part of the first column and then by the second, the candidates of a row are those
+    that follow it, and some a whole part further on.
     """
     apart = 1 - 1e-9
-    order = np.argsort(places[:, 0], kind="stable")
-    places = places[order]
-    begins = np.arange(1, len(places) + 1)
-    counts = np.searchsorted(places[:, 0], places[:, 0] + apart, side="right") - begins
-    first = np.repeat(begins - 1, counts)
+    span = np.ptp(places[:, 1]) + 3.0 if len(places) else 0.0
+    keys = np.floor(places[:, 0]) * span + places[:, 1]
+    order = np.argsort(keys, kind="stable")
+    places, keys = places[order], keys[order]
+    own = np.arange(len(keys))
+    begins = np.concatenate([own + 1, np.searchsorted(keys, keys + span - apart)])
+    ends = np.searchsorted(keys, np.concatenate([keys + apart, keys + span + apart]), side="right")
+    counts = ends - begins
+    first = np.repeat(np.concatenate([own, own]), counts)
     second = np.arange(len(first)) + np.repeat(begins - (np.cumsum(counts) - counts), counts)
-    for column in range(1, places.shape[1]):
+    for column in range(places.shape[1]):
         close = np.abs(places[first, column] - places[second, column]) <= apart
         first, second = first[close], second[close]
     return order[first], order[second]
