@@ -49,7 +49,7 @@ class AttackOptions:
     frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
     detector: str = option(
         "small",
-        "Name of a shipped detector, a .safetensors file, or module:Class; several joined by commas are an "
+        "small, centerpoint, a .safetensors file, or module:Class; several joined by commas are an "
         "ensemble, attacked together.",
     )
     device: str = options.device()

@@ -31,7 +31,7 @@ class Options:
 
     detectors: tuple[str, ...] = option(
         ("small",),
-        "A shipped name, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
+        "small, centerpoint, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
     )
     image_detector: str = option(
         "small", "For the pictures of cameras: small, a .safetensors file, module:Class, or none."
