@@ -31,7 +31,8 @@ class Options:
 
     detectors: tuple[str, ...] = option(
         ("small",),
-        "small, centerpoint, a .safetensors file, or module:Class; repeat it for a matrix of transfer.",
+        "small, pointpillars, centerpoint, a .safetensors file, or module:Class; repeat it for a matrix of "
+        "transfer.",
     )
     image_detector: str = option(
         "small", "For the pictures of cameras: small, a .safetensors file, module:Class, or none."

@@ -35,7 +35,7 @@ def first_screen(report: Report) -> FirstScreen:
     """What a reader sees first; the clean results only where nothing was attacked."""
     headlines = tuple(_headlines(report))
     if not headlines and report.results:
-        headlines = (clean_headline(report.results[0]),)
+        headlines = (clean_headline(report.results),)
     verdicts = tuple(headline.verdict for headline in headlines)
     if _is_one_coordinated_attack(report):
         does = _listed([headline.does for headline in headlines if headline.does])

@@ -36,14 +36,18 @@ SAME_PERCENT = 99.0
 
 def strongest_attack(rows: Sequence[ResultRow]) -> ResultRow:
     """The one of these attacked rows, of the first's detector, with the lowest strict mAP ratio."""
-    own = [row for row in rows if row.detector == rows[0].detector]
+    own = of_first_detector(rows)
     return min(own, key=lambda row: _last(row.attacked.map_ratio_percent if row.attacked else math.nan))
 
 
+def of_first_detector(rows: Sequence[ResultRow]) -> list[ResultRow]:
+    return [row for row in rows if row.detector == rows[0].detector]
+
+
 def detection_headline(report: Report) -> Headline:
-    """The effect of the strongest attack on detection."""
+    """The effect of the strongest attack on detection, by the detector that was named first."""
     rows = [each for each in report.results if each.attacked]
-    row = strongest_attack(rows)
+    row, attack_count = strongest_attack(rows), len(of_first_detector(rows))
     effects = _effects_of(report, row)
     attack = _of(effects, "adv")
     found = (
@@ -56,13 +60,14 @@ def detection_headline(report: Report) -> Headline:
         _with_attacked_frames(card, value, over_attacked)
         for card, value in zip(found, (_strict_ratio, _loose_ratio, _lost_share), strict=True)
     )
-    left = f"leaves the detector {_left(attack)}"
+    is_one_of_several = len(rows) > attack_count
+    leaves = f"leaves {_detector(row, is_one_of_several)} {_left(attack)}"
     return Headline(
-        _verdict(row, attack, effects, len(rows)),
+        _verdict(row, effects, leaves, attack_count),
         cards,
         does=done.does if (done := changed_points(row)) else "",
-        clause=left,
-        shown=f"{attack_title(row.attack)}, the strongest of {len(rows)} attacks" if len(rows) > 1 else "",
+        clause=leaves,
+        shown=_shown(row, attack_count, is_one_of_several),
         table=_table(report, rows) if len(rows) > 1 else None,
         bag=row.bag,
         section="attack_effects",
@@ -70,13 +75,15 @@ def detection_headline(report: Report) -> Headline:
     )
 
 
-def clean_headline(row: ResultRow) -> Headline:
-    """How well the detector sees where nothing was attacked."""
+def clean_headline(rows: Sequence[ResultRow]) -> Headline:
+    """How well the detector sees where nothing was attacked; of several, the one that was named first."""
+    row = rows[0]
+    detector = _detector(row, len(rows) > 1).replace("the", "The", 1)
     counts, means = row.counts, row.clean.means
     strict, loose = means["strict"], means["loose"]
     share = 100 * counts.objects_found_clean / counts.objects if counts.objects else math.nan
     verdict = (
-        f"The detector finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
+        f"{detector} finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
         f"reports {counted(counts.false_positives_clean, 'false positive')} in "
         f"{counted(counts.frames, 'frame')}. Its mAP is "
         f"{formatted_number(strict.map_r40, 3)} at strict and {formatted_number(loose.map_r40, 3)} at loose "
@@ -133,7 +140,22 @@ def _to_beat(effects: Sequence[EffectRecord]) -> EffectRecord | None:
     return next((each for each in effects if each.condition == RANDOM_BEST), None)
 
 
-def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecord], attack_count: int) -> str:
+def _detector(row: ResultRow, is_one_of_several: bool) -> str:
+    return f"the detector {short_name(row.detector)}" if is_one_of_several else "the detector"
+
+
+def _shown(row: ResultRow, attack_count: int, is_one_of_several: bool) -> str:
+    """What the cards are about, where there is more than one attack or detector."""
+    if attack_count == 1 and not is_one_of_several:
+        return ""
+    title = attack_title(row.attack)
+    if is_one_of_several:
+        title += f" on detector {short_name(row.detector)}"
+    return f"{title}, the strongest of {attack_count} attacks" if attack_count > 1 else title
+
+
+def _verdict(row: ResultRow, effects: Sequence[EffectRecord], leaves: str, attack_count: int) -> str:
+    attack = _of(effects, "adv")
     done = changed_points(row)
     subject = done.active if done else f"Attack {attack_title(row.attack)}"
     if attack_count > 1:
@@ -141,7 +163,7 @@ def _verdict(row: ResultRow, attack: EffectRecord, effects: Sequence[EffectRecor
         subject = f"The strongest of {attack_count} attacks: {subject}"
     if math.isnan(attack.map_ratio_percent):
         return f"{subject}: the mAP ratio is {undefined_ratio(row.clean.means['strict'].map_r40)}."
-    text = f"{subject} leaves the detector {_left(attack)}"
+    text = f"{subject} {leaves}"
     if random := _to_beat(effects):
         text += (
             f"; the same budget spent at random, {_best_of(row)}, leaves "

@@ -67,6 +67,25 @@ def test_an_attack_on_some_frames_has_the_values_of_these_beside(clean, attacked
     assert first_screen(report).headlines[0].cards[2].attacked == "over the 2 attacked frames alone: 25.0 %"
 
 
+def test_of_several_detectors_the_first_is_named(clean, attacked, tmp_path):
+    six = range(6)
+    bags = [
+        attacked(hide_first_car, frames=six),
+        attacked(lambda cloud: cloud[30:], name="other", frames=six),
+    ]
+    options = Options(detectors=(DETECTOR, "place_drive:KeenDetector"), scene=False, baseline=False)
+    (headline,) = first_screen(evaluate(clean, bags, tmp_path / "r", options, workers=1)).headlines
+    assert headline.verdict.startswith("The strongest of 2 attacks: removing ")
+    assert " leaves the detector PlaceDetector " in headline.verdict
+    assert headline.shown.endswith(" on detector PlaceDetector, the strongest of 2 attacks")
+    assert len(headline.table.lines) == 4
+    (headline,) = first_screen(evaluate(clean, bags[:1], tmp_path / "one", options, workers=1)).headlines
+    assert headline.verdict.startswith("Removing ")
+    assert headline.shown.endswith(" on detector PlaceDetector")
+    (headline,) = first_screen(evaluate(clean, [], tmp_path / "clean", options, workers=1)).headlines
+    assert headline.verdict.startswith("The detector PlaceDetector finds ")
+
+
 def test_a_clean_bag_alone(clean, tmp_path):
     report = evaluate(clean, [], tmp_path / "r", Options(detectors=(DETECTOR,), scene=False), workers=1)
     first = first_screen(report)
