@@ -12,6 +12,7 @@ import numpy.typing as npt
 from advpipe.pipeline.attack_detection.base import DefenderKnowledge, Suspicion, finite_points, worst
 from advpipe.pipeline.attack_detection.box_frustum import BoxFrustum, box_frustums
 from advpipe.pipeline.attack_detection.rehearsal import spoofed_objects
+from advpipe.pipeline.core.index_ranges import index_ranges
 from advpipe.pipeline.detector.protocol import Detections
 from advpipe.pipeline.geometry.boxes import CLASSES
 from advpipe.pipeline.messages.cloud import Cloud
@@ -117,7 +118,7 @@ def free_share(frustum: BoxFrustum) -> float:
     last_m = np.minimum(frustum.far_m, frustum.range_m)
     count = np.maximum(np.ceil((last_m - frustum.near_m) / STEP_M).astype(np.int64), 0)
     ray = np.repeat(np.arange(len(count)), count)
-    step = np.arange(len(ray)) - np.repeat(np.cumsum(count) - count, count)
+    step = index_ranges(np.zeros_like(count), count)
     along_m = frustum.near_m[ray] + (step + 0.5) * ((last_m - frustum.near_m) / np.maximum(count, 1))[ray]
     free = np.zeros(int(shape.prod()), bool)
     free[cells(frustum.origin + frustum.unit[ray] * along_m[:, None])] = True

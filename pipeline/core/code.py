@@ -31,6 +31,7 @@ CLOUDS = (
     "pipeline/geometry",
     *LABELS,
     "pipeline/metrics",
+    "pipeline/core/index_ranges.py",
     "pipeline/core/seeding.py",
 )
 """The code that decides how clouds are read, how objects are detected in them, how these are

@@ -38,6 +38,7 @@ MESSAGES = (
     "pipeline/geometry",
     "pipeline/localisation",
     "pipeline/scenario",
+    "pipeline/core/index_ranges.py",
     "pipeline/core/seeding.py",
     *(
         f"pipeline/image_detector/{name}.py"

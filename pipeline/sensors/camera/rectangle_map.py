@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.core.index_ranges import index_ranges
+
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -32,7 +34,7 @@ class RectangleMap:
         sides = (last - first + 1) * (low_m <= high_m).all(axis=1, keepdims=True)
         counts = sides.prod(axis=1)
         rectangle = np.repeat(np.arange(len(counts)), counts)
-        place = np.arange(len(rectangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+        place = index_ranges(np.zeros_like(counts), counts)
         column, row = np.divmod(place, sides[rectangle, 1])
         self._row = cells[1] + 2
         cell = (column + first[rectangle, 0]) * self._row + row + first[rectangle, 1]
@@ -58,10 +60,7 @@ class RectangleMap:
         inside = np.flatnonzero(np.take(self._is_met, cell, mode="clip"))
         cell = np.take(cell, inside)
         counts = np.take(self._counts, cell)
-        starts = np.take(self._starts, cell)
-        starts -= np.cumsum(counts) - counts
-        pairs = np.repeat(starts, counts)
-        pairs += np.arange(len(pairs))
+        pairs = index_ranges(np.take(self._starts, cell), counts)
         return np.repeat(inside, counts), np.take(self._rectangles, pairs, mode="clip")
 
     def _places(self, places_m: Float32, axis: int) -> Float32:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.core.index_ranges import index_ranges
 from advpipe.pipeline.geometry.transforms import Float64
 from advpipe.pipeline.sensors.radar.section import RadarSensor
 
@@ -96,7 +97,7 @@ def _close_pairs(places: Float64) -> tuple[Int64, Int64]:
     ends = np.searchsorted(keys, np.concatenate([keys + apart, keys + span + apart]), side="right")
     counts = ends - begins
     first = np.repeat(np.concatenate([own, own]), counts)
-    second = np.arange(len(first)) + np.repeat(begins - (np.cumsum(counts) - counts), counts)
+    second = index_ranges(begins, counts)
     for column in range(places.shape[1]):
         close = np.abs(places[first, column] - places[second, column]) <= apart
         first, second = first[close], second[close]

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from advpipe.pipeline.core.index_ranges import index_ranges
 from advpipe.pipeline.geometry.transforms import Float64
 
 Bool = npt.NDArray[np.bool_]
@@ -91,8 +92,7 @@ class Buildings:
         before = np.concatenate([[0], np.cumsum(np.bincount(sector, minlength=rows.size * 2 * _SECTORS))])
         counts = (before[end] - before[begin]).ravel()
         which = np.repeat(np.arange(len(counts)), counts)
-        nth = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
-        found = order[before[begin].ravel()[which] + nth] % len(column)
+        found = order[index_ranges(before[begin].ravel(), counts)] % len(column)
         return *np.divmod(which, len(self._start)), column[found]
 
     def _containing(self, points_m: Float64) -> Int64:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from advpipe.pipeline.core.index_ranges import index_ranges
 from advpipe.pipeline.geometry.transforms import Float64
 
 Float32 = npt.NDArray[np.float32]
@@ -73,7 +74,7 @@ class SortedRays:
         starts = np.searchsorted(self._bins, np.ceil(first).astype(np.int64), side="left")
         ends = np.searchsorted(self._bins, np.floor(last).astype(np.int64), side="right")
         counts = np.maximum(ends - starts, 0)
-        place = np.arange(counts.sum()) + np.repeat(starts - (np.cumsum(counts) - counts), counts)
+        place = index_ranges(starts, counts)
         slopes = self._slopes[place]
         low, high = (np.tile(side, 2).astype(np.float32) for side in (window.low, window.high))
         inside = (slopes >= np.repeat(low, counts)) & (slopes <= np.repeat(high, counts))
