@@ -19,6 +19,10 @@ AROUND_M, LEAST_POINTS, GROUND_PERCENTILE, MOST_RISE_M = 1.5, 5, 20, 1.0
 """The ground under a pasted object: this percentile of the heights of the points in its box, so much longer
 and wider, if there are so many; the object is raised or lowered by at most so much."""
 
+MOST_VOXEL_M = 0.5
+"""A pillar, as high as the whole range, shifts clouds no further than a voxel of this size: otherwise they
+leave the range."""
+
 
 class ObjectBank:
     """Objects with enough points, by class, to paste into other frames ("ground-truth sampling", Yan
@@ -154,7 +158,7 @@ def augment(
     frame = rotate(frame, rng.uniform(-config.yaw_rad, config.yaw_rad))
     frame = remount(frame, config, rng)
     scale = 1 + rng.uniform(-config.scale, config.scale)
-    shift = rng.uniform(-config.shift_voxels, config.shift_voxels, 3) * voxel_size_m
+    shift = rng.uniform(-config.shift_voxels, config.shift_voxels, 3) * np.minimum(voxel_size_m, MOST_VOXEL_M)
     moved = se3(scale * np.eye(3), shift)
     points = transformed(frame.points, moved)
     for boxes in (frame.boxes, frame.ignored):

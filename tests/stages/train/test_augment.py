@@ -63,6 +63,17 @@ def test_no_augmentation_changes_nothing(store):
     np.testing.assert_allclose(same.boxes, frame.boxes, rtol=1e-12)
 
 
+def test_a_pillar_as_high_as_the_range_hardly_shifts_heights(store):
+    frame, config = store.frame(0), replace(Augmentation.none(), shift_voxels=0.5)
+    shifts = [
+        augment(frame, config, (0.16, 0.16, 7.38), np.random.default_rng(seed)).boxes[0, :3]
+        - frame.boxes[0, :3]
+        for seed in range(20)
+    ]
+    np.testing.assert_array_less(np.abs(shifts), [0.08, 0.08, 0.25])
+    np.testing.assert_array_less([0.04, 0.04, 0.12], np.abs(shifts).max(axis=0))
+
+
 def test_counts_follow_dropped_points(store):
     frame = store.frame(0)
     dropped = augment(frame, replace(Augmentation.none(), drop=0.9), VOXEL, np.random.default_rng(1))
