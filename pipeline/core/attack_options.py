@@ -49,8 +49,8 @@ class AttackOptions:
     frames: str = option("::", "Clouds to attack, start:stop:step; the adversarial bag holds only these.")
     detector: str = option(
         "small",
-        "small, centerpoint, a .safetensors file, or module:Class; several joined by commas are an "
-        "ensemble, attacked together.",
+        "small, pointpillars, centerpoint, a .safetensors file, or module:Class; several joined by commas "
+        "are an ensemble, attacked together.",
     )
     device: str = options.device()
     lidar_height_m: float | None = options.lidar_height_m()

@@ -75,7 +75,7 @@ def baseline_tries() -> Any:
 
 def detector() -> Any:
     """The option that selects the detector."""
-    return option("small", "small, centerpoint, a .safetensors file, or module:Class.")
+    return option("small", "small, pointpillars, centerpoint, a .safetensors file, or module:Class.")
 
 
 def workers() -> Any:

@@ -68,12 +68,8 @@ def member_names(name: str) -> list[str]:
 
 def _about_family(name: str) -> str:
     """What to give instead of a family's name."""
-    if shipped := FAMILIES[name].shipped:
-        return f"{name} is a family of detectors; give one of its checkpoints: {', '.join(shipped)}"
-    return (
-        f"no checkpoint of the detector family {name} is shipped; train one with `advpipe train DRIVE... "
-        f"--family {name} --out FOLDER`, and give FOLDER/detector.safetensors"
-    )
+    known = [*FAMILIES[name].shipped, f"FILE.safetensors of `advpipe train --family {name}`"]
+    return f"{name} is a family of detectors; give one of its checkpoints: {', '.join(known)}"
 
 
 def detector_sha256(name_or_path: str) -> str:

@@ -12,6 +12,8 @@ from advpipe.pipeline.detector.pointpillars.presets import KITTI, PRESETS, Point
 if TYPE_CHECKING:
     from advpipe.pipeline.detector.pointpillars.model import PointPillarsNet
 
+SHIPPED = {"pointpillars": Path(__file__).parent / "checkpoints" / "pointpillars.safetensors"}
+
 
 class PointPillarsFamily(Family):
     """PointPillars in pure PyTorch, and OpenPCDet's weights for its preset `kitti`."""
@@ -19,6 +21,10 @@ class PointPillarsFamily(Family):
     @property
     def presets(self) -> Mapping[str, PointPillarsPreset]:
         return PRESETS
+
+    @property
+    def shipped(self) -> Mapping[str, Path]:
+        return SHIPPED
 
     def network(self, preset: str) -> PointPillarsNet:
         from advpipe.pipeline.detector.pointpillars.model import PointPillarsNet

@@ -40,11 +40,12 @@ SMALL = PointPillarsPreset(
     # The head reads no block finer than 0.64 m; its anchors are those of SECOND's `small`.
     bev=(BevBlock(2, 2, 32, 1, 0), BevBlock(4, 2, 64, 1, 128), BevBlock(4, 2, 128, 2, 128)),
     anchors=SECOND_SMALL.anchors,
-    # All of magnitude one: training is faster so.
-    input_offset=SECOND_SMALL.input_offset,
-    input_scale=SECOND_SMALL.input_scale,
-    from_mean_scale=(12.5, 12.5, 1.0),
-    from_centre_scale=(12.5, 12.5, 0.4),
+    # Height counts most, as no voxel's place tells it: from the ground to the roof of a car it is about one
+    # either way. Offsets within a pillar are about in metres, as OpenPCDet has them.
+    input_offset=(0.0, 0.0, -1.0, 0.0),
+    input_scale=(1 / 51.2, 1 / 51.2, 2.0, 1.0),
+    from_mean_scale=(1.25, 1.25, 2.0),
+    from_centre_scale=(1.25, 1.25, 0.4),
     overlap_weight=0.5,
     vote_iou=0.5,
     suppress_by_class=True,

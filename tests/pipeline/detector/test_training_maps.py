@@ -55,9 +55,10 @@ def test_the_list_belongs_to_the_shipped_checkpoint() -> None:
     assert is_training_map(small, None) is None
 
 
-def test_centerpoint_learned_from_the_same_maps() -> None:
-    """Its checkpoint holds the maps itself."""
-    maps = json.loads(load_detector("centerpoint").provenance[KEY])  # type: ignore[attr-defined]
+@pytest.mark.parametrize("name", ["pointpillars", "centerpoint"])
+def test_the_others_learned_from_the_same_maps(name: str) -> None:
+    """Their checkpoints hold the maps themselves."""
+    maps = json.loads(load_detector(name).provenance[KEY])  # type: ignore[attr-defined]
     assert set(maps) == set(shipped_list().maps_sha256.values())
 
 

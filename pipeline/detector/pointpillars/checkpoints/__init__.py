@@ -1,0 +1,1 @@
+"""Trained weights that come with the package; MODEL_CARD.md describes how they were made."""
