@@ -37,7 +37,8 @@ def test_a_second_family_is_trained_saved_loaded_and_evaluated(drive, record, tm
     header, *rows = summary.log.read_text().splitlines()
     assert header == ("step,learning_rate,loss,score_loss,box_loss,direction_loss,quality_loss,gradient_norm")
     assert len(rows) == 12
-    assert float(rows[-1].split(",")[2]) < float(rows[0].split(",")[2])
+    score_loss = [float(row.split(",")[3]) for row in rows]  # that of boxes depends on the height drawn
+    assert score_loss[-1] < score_loss[0]
     assert load_checkpoint(summary.checkpoint).net.preset.family == "pillars"
 
     detector = load_detector(str(summary.checkpoint))

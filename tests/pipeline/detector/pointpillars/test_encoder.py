@@ -24,12 +24,16 @@ def test_features_of_points_equal_values_computed_by_hand():
     torch.testing.assert_close(features, torch.tensor(expected), atol=1e-5, rtol=1e-5)
 
 
-def test_the_features_of_small_are_of_magnitude_one():
+def test_small_sees_heights_larger_than_offsets_within_a_pillar():
+    """From the ground to the roof of a car z goes from below -1 to above 1; offsets stay small beside it."""
     torch.manual_seed(0)
-    points = (torch.rand(20_000, 4) - 0.5) * torch.tensor([102.0, 102.0, 5.0, 1.0])
-    points += torch.tensor([0.0, 0.0, -0.5, 0.5])
-    features = PillarEncoder(SMALL).point_features(points_by_voxel([points], SMALL))
-    assert 0.5 < float(features.abs().amax(0).min()) <= float(features.abs().max()) < 3
+    points = (torch.rand(20_000, 4) - 0.5) * torch.tensor([102.0, 102.0, 1.6, 1.0])
+    points += torch.tensor([0.0, 0.0, -1.0, 0.5])
+    features = PillarEncoder(SMALL).point_features(points_by_voxel([points], SMALL)).abs().amax(0)
+    place, height, intensity, *offsets = (float(features[column]) for column in (0, 2, 3, 4, 5, 7, 8))
+    assert 0.9 < min(place, intensity) <= max(place, intensity) <= 1
+    assert 1.5 < height < 2
+    assert max(offsets) < 0.25
 
 
 @pytest.mark.oracle
