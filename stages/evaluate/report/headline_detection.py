@@ -61,7 +61,7 @@ def detection_headline(report: Report) -> Headline:
         for card, value in zip(found, (_strict_ratio, _loose_ratio, _lost_share), strict=True)
     )
     is_one_of_several = len(rows) > attack_count
-    leaves = f"leaves {_detector(row, is_one_of_several)} {_left(attack)}"
+    leaves = f"leaves the {_detector(row, is_one_of_several)} {_left(attack)}"
     return Headline(
         _verdict(row, effects, leaves, attack_count),
         cards,
@@ -78,12 +78,12 @@ def detection_headline(report: Report) -> Headline:
 def clean_headline(rows: Sequence[ResultRow]) -> Headline:
     """How well the detector sees where nothing was attacked; of several, the one that was named first."""
     row = rows[0]
-    detector = _detector(row, len(rows) > 1).replace("the", "The", 1)
+    detector = _detector(row, len(rows) > 1)
     counts, means = row.counts, row.clean.means
     strict, loose = means["strict"], means["loose"]
     share = 100 * counts.objects_found_clean / counts.objects if counts.objects else math.nan
     verdict = (
-        f"{detector} finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
+        f"The {detector} finds {counts.objects_found_clean:,} of {counts.objects:,} evaluated objects and "
         f"reports {counted(counts.false_positives_clean, 'false positive')} in "
         f"{counted(counts.frames, 'frame')}. Its mAP is "
         f"{formatted_number(strict.map_r40, 3)} at strict and {formatted_number(loose.map_r40, 3)} at loose "
@@ -141,7 +141,7 @@ def _to_beat(effects: Sequence[EffectRecord]) -> EffectRecord | None:
 
 
 def _detector(row: ResultRow, is_one_of_several: bool) -> str:
-    return f"the detector {short_name(row.detector)}" if is_one_of_several else "the detector"
+    return f"detector {short_name(row.detector)}" if is_one_of_several else "detector"
 
 
 def _shown(row: ResultRow, attack_count: int, is_one_of_several: bool) -> str:
@@ -150,7 +150,7 @@ def _shown(row: ResultRow, attack_count: int, is_one_of_several: bool) -> str:
         return ""
     title = attack_title(row.attack)
     if is_one_of_several:
-        title += f" on detector {short_name(row.detector)}"
+        title += f" on {_detector(row, is_one_of_several)}"
     return f"{title}, the strongest of {attack_count} attacks" if attack_count > 1 else title
 
 
