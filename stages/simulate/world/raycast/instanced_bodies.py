@@ -87,7 +87,8 @@ class InstancedBodies:
         """Cast those of the rays (R, 6) in the map's frame that may hit a road user."""
         placed = self.placed(users)
         columns = np.ascontiguousarray(rays.T)
-        chosen, user_of_ray = placed.in_view(SortedRays(columns[:3], columns[3:]))
+        sorted_rays = SortedRays(columns[:3], columns[3:])
+        chosen, user_of_ray = sorted_rays.pairs(placed.map_SE3_box, placed.half_m)
         columns = np.take(columns, chosen, axis=1, mode="clip")
         local, start_m = self._local(columns[:3], columns[3:], placed, user_of_ray)
         returns = self._scene.returns(local, placed.slots.astype(np.int32)[user_of_ray])

@@ -113,10 +113,16 @@ def test_a_far_parked_car_is_left_out_beyond_the_range(boulevard: Any, cast: Any
     assert {-2 - int(index) for index in np.unique(hits.objects) if index < -1} > seen
 
 
-def test_angular_windows_contain_every_ray_that_hits_a_box(sweep: Any) -> None:
+@pytest.mark.parametrize("middle_rad", [0.0, 2.0, 3.1], ids=["ahead", "aside", "behind"])
+@pytest.mark.parametrize("half_rad", [np.pi, 1.0, 0.15], ids=["all", "wide", "narrow"])
+def test_angular_windows_contain_every_ray_that_hits_a_box(
+    sweep: Any, half_rad: float, middle_rad: float
+) -> None:
     """Against slabs: also boxes around the sensor, beside it, tilted ones, and across the circle's end."""
     rng = np.random.default_rng(0)
     rays = sweep(np.zeros(3))
+    turn = np.arctan2(rays[:, 4], rays[:, 3]) - middle_rad
+    rays = rays[np.abs((turn + np.pi) % (2 * np.pi) - np.pi) <= half_rad]
     rays[:, :3] += np.linspace(0, 1, len(rays))[:, None].astype(np.float32) * np.array([3, 1, 0], np.float32)
     poses, halves = [], []
     for _ in range(60):
@@ -138,7 +144,7 @@ def test_angular_windows_contain_every_ray_that_hits_a_box(sweep: Any) -> None:
         rays_in = np.flatnonzero((enter <= leave) & (leave > 0))
         met += len(rays_in)
         assert {(ray, index) for ray in rays_in.tolist()} <= found
-    assert met > 10_000
+    assert met > 10_000 * half_rad / np.pi
     assert len(found) < 0.5 * len(rays) * len(poses)
 
 
