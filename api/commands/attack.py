@@ -52,9 +52,10 @@ def attack(
 
     bag: a data set, a rosbag2 folder, an .mcap file or the result of `simulate`; by default the newest data
     set under `datasets`. type: `detach`, `perturb`, `attach`, `cam-...`, `gnss-...`, `camera-...`,
-    `radar-...`, or `module:Class` of your own. recipe, of LiDAR attacks: `best`, `robust`, `transfer`,
-    `paper`, or a random baseline: `random`, `random-near`, `random-best`. attacker, of V2X attacks: a
-    vehicle's id or several, `20%`, or `rsu:X,Y` in metres. victim: the vehicle whose sensors are attacked, or
+    `radar-...`, or `module:Class` of your own. recipe, of LiDAR attacks: `best`, `hide`, `robust`,
+    `stealthy`, `transfer`, `paper`, a black box: `score-based`, `decision-based`, or a random baseline:
+    `random`, `random-near`, `random-best`. attacker, of V2X attacks: a vehicle's id or several, `20%`, or
+    `rsu:X,Y` in metres. victim: the vehicle whose sensors are attacked, or
     that false CAMs target. dcc_reacts: whether other stations' congestion control drops CAMs when an attack
     fills the channel. credentials: what V2X attackers sign with where the drive is signed: `ticket`, or as
     outsiders `none`, `untrusted`, `expired` or `stolen`. network: whose radio sends the messages of V2X and

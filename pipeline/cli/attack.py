@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from advpipe.pipeline.cli.completion import attack_names, recipe_names
+from advpipe.pipeline.cli.completion import attack_names, detector_names, recipe_names
 from advpipe.pipeline.cli.shared import (
     Answer,
     Cluster,
-    DetectorName,
     Device,
     Level,
     LidarHeight,
@@ -63,7 +62,9 @@ def attack_command(
     ] = AttackOptions.to_s,
     lidar: LidarTopic = AttackOptions.lidar,
     frames: Annotated[str, cli_option(AttackOptions, "frames")] = AttackOptions.frames,
-    detector: DetectorName = AttackOptions.detector,
+    detector: Annotated[
+        str, cli_option(AttackOptions, "detector", autocompletion=detector_names)
+    ] = AttackOptions.detector,
     device: Device = AttackOptions.device,
     lidar_height_m: LidarHeight = None,
     level: Level = False,

@@ -21,8 +21,8 @@ class AttackOptions:
     )
     recipe: str | None = option(
         None,
-        "best, hide, robust, stealthy, transfer or paper (as published); random baselines: random, "
-        "random-near, random-best (the strongest).",
+        "best, hide, robust, stealthy, transfer or paper (as published); black boxes: score-based, "
+        "decision-based; random baselines: random, random-near, random-best (the strongest).",
     )
     victim: str | None = option(
         None,

@@ -1,4 +1,4 @@
-"""The interface of 3D object detectors; SECOND is the shipped one, and users can plug in their own."""
+"""The interface of 3D object detectors; three families are shipped, and users can plug in their own."""
 
 from __future__ import annotations
 

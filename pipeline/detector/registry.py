@@ -1,4 +1,4 @@
-"""Detectors by name: the shipped one, a checkpoint file, or a user's class."""
+"""Detectors by name: a shipped one, a checkpoint file, or a user's class."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
-    """The detector `small`, the one in `FILE.safetensors`, or an instance of `module:Class`.
+    """The shipped detector of a name, the one in `FILE.safetensors`, or an instance of `module:Class`.
 
     device: where it computes, see `open_device`; clouds and tensors are passed to it on the CPU
     in any case. A class is called without arguments, or with `device` (a torch.device) if its constructor

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from types import ModuleType, SimpleNamespace
-from typing import ClassVar
 
 import torch
 from torch import nn
@@ -81,9 +80,15 @@ class Boxes:
 
 
 class Mmdet3dNetwork(AnchorNetwork):
-    """Has the methods of a detector of MMDetection3D 1.x; it never trains here."""
+    """Has the methods of a detector of MMDetection3D 1.x; it never trains here.
 
-    dataset_meta: ClassVar = {"classes": CLASSES}
+    Without `train_cfg` its head has nothing that assigns targets to anchors, and no loss.
+    """
+
+    def __init__(self, model_cfg):
+        super().__init__()
+        self.train_cfg = model_cfg.train_cfg
+
     data_preprocessor = SimpleNamespace(
         voxel_layer=SimpleNamespace(point_cloud_range=RANGE_M, voxel_size=SIZE_M, max_num_points=MOST)
     )
@@ -98,6 +103,7 @@ class Mmdet3dNetwork(AnchorNetwork):
         return [sample]
 
     def loss(self, inputs, samples):
+        assert self.train_cfg is not None
         (sample,), voxels = samples, inputs["voxels"]
         logits = self.logits(voxels["voxels"], voxels["num_points"], voxels["coors"])
         truth = sample.gt_instances_3d
@@ -116,6 +122,10 @@ def _modules():
     step = SimpleNamespace(NAME="transform_points_to_voxels", VOXEL_SIZE=SIZE_M, MAX_POINTS_PER_VOXEL=MOST)
     cfg = SimpleNamespace(MODEL=None, CLASS_NAMES=CLASSES, DATA_CONFIG=SimpleNamespace(DATA_PROCESSOR=[step]))
 
+    mm_config = SimpleNamespace(
+        model=SimpleNamespace(train_cfg={}), metainfo=SimpleNamespace(classes=CLASSES)
+    )
+
     class DatasetTemplate:
         def __init__(self, dataset_cfg, class_names, training, root_path, logger):
             assert not training
@@ -127,9 +137,12 @@ def _modules():
         "pcdet.datasets": {"DatasetTemplate": DatasetTemplate},
         "pcdet.models": {"build_network": lambda model_cfg, num_class, dataset: PcdetNetwork()},
         "mmdet3d": {},
-        "mmdet3d.apis": {"init_model": lambda config, checkpoint, device: Mmdet3dNetwork()},
+        "mmdet3d.registry": {"MODELS": SimpleNamespace(build=Mmdet3dNetwork)},
         "mmdet3d.structures": {"Det3DDataSample": Bunch, "LiDARInstance3DBoxes": Boxes},
         "mmengine": {},
+        "mmengine.config": {"Config": SimpleNamespace(fromfile=lambda file: mm_config)},
+        "mmengine.registry": {"init_default_scope": lambda scope: None},
+        "mmengine.runner": {"load_checkpoint": lambda model, file, map_location: {}},
         "mmengine.structures": {"InstanceData": Bunch},
     }
 

@@ -54,7 +54,9 @@ def _importable(shapes: Shapes) -> Configuration | None:
     if _has(shapes, "dense_head.heads_list."):
         return centres
     if _has(shapes, "dense_head.conv_cls."):
-        return pillars if _has(shapes, "vfe.pfn_layers.") else second
+        if _has(shapes, "vfe.pfn_layers."):
+            return pillars
+        return second if _has(shapes, "backbone_3d.conv_input.") else None
     return None
 
 
@@ -62,13 +64,20 @@ def _other_network(shapes: Shapes) -> str:
     """The network that advpipe lacks, and the files that configure it; "" for one that is not recognised."""
     if _has(shapes, "roi_head."):
         return _two_stages(shapes)
+    on_pillars = _has(shapes, "vfe.pfn_layers.")
+    if on_pillars and _has(shapes, "backbone_3d."):
+        return "a network on pillars with a 3D backbone, such as DSVT or PillarNet"
+    if _has(shapes, "vfe.ffn."):
+        return "a network on images (CaDDN.yaml)"
     if _has(shapes, "dense_head.rpn_heads."):
-        kind = "pp" if _has(shapes, "vfe.pfn_layers.") else "second"
-        return f"a network of several heads (cbgs_{kind}_multihead.yaml)"
+        files = "cbgs_pp_multihead" if on_pillars else "second_multihead.yaml, cbgs_second_multihead"
+        return f"a network of several heads ({files}.yaml)"
     if _has(shapes, "dense_head.heads_list."):
+        if _has(shapes, "backbone_3d.conv5."):
+            return "a VoxelNeXt (cbgs_*_voxelnext.yaml and others)"
         if _has(shapes, "dense_head.heads_list.0.vel."):
             return "a CenterPoint for nuScenes (cbgs_*_centerpoint.yaml)"
-        if _has(shapes, "vfe.pfn_layers."):
+        if on_pillars:
             return "a CenterPoint on pillars (centerpoint_pillar_1x.yaml)"
         if _has(shapes, "backbone_3d.conv1.0.conv1."):
             return "a CenterPoint with residual layers (centerpoint.yaml)"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import re
 from dataclasses import fields
 
 from advpipe.pipeline.cli.attack import attack_command
 from advpipe.pipeline.core.attack_options import AttackOptions
 from advpipe.pipeline.scenario.attacks import AttackSpec, Schedule
+from advpipe.stages.attack.parameter_source import parameter_words
 
 
 def test_the_command_line_has_the_same_defaults() -> None:
@@ -24,3 +26,10 @@ def test_the_scenario_file_has_the_same_defaults_and_help() -> None:
         assert (sections[each.name].description or "").startswith(each.metadata["help"])
         assert sections[each.name].default == each.default or sections[each.name].is_required()
     assert AttackSpec.model_fields["type"].is_required()
+
+
+def test_the_help_names_every_recipe() -> None:
+    words = parameter_words("detach")["recipe"]
+    named = set(re.findall(r"[a-z-]+", AttackOptions.__dataclass_fields__["recipe"].metadata["help"]))
+    assert {"best", "score-based", "random-best"} <= set(words)
+    assert set(words) <= named
