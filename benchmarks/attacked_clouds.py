@@ -27,7 +27,9 @@ Float64 = npt.NDArray[np.float64]
 
 KINDS = ("strict", "loose")
 ENOUGH_BOXES = 50
-"""Classes with fewer boxes in the chosen clouds do not count, unless all have fewer."""
+ENOUGH_SHARE = 1 / 3
+"""A class counts from so many boxes in the chosen clouds on, or so many as this share of the class with most:
+few clouds have few boxes, and the precision of a single one is 0 or 1."""
 DRAWS = 1000
 
 
@@ -58,7 +60,8 @@ def mean_precisions(
         for key, matched in match(of_truth, each, tuple(classes), KINDS).items():
             matches.setdefault(key, []).append(matched)
     boxes = {name: sum(each.n_truth for each in matches["strict", name]) for name in classes}
-    enough = [name for name in classes if boxes[name] >= ENOUGH_BOXES] or list(classes)
+    least = min(ENOUGH_BOXES, ENOUGH_SHARE * max(boxes.values()))
+    enough = [name for name in classes if boxes[name] >= least]
     means = {}
     for kind in KINDS:
         ranked = [RankedMatches.of(matches[kind, name]) for name in enough]

@@ -179,6 +179,11 @@ def main() -> None:
     print(f"{machine()}; {len(frames)} clouds of {bag.parent.name}, seed {given.seed}", flush=True)
     clouds = AttackedClouds(given.out, frames, detectors, given.seed)
     with fixed_torch_threads():
+        clean = [
+            f"{name.partition('@')[0]} {each['strict'][0]:.3f}, {each['loose'][0]:.3f}"
+            for name, each in clouds.clean.items()
+        ]
+        print(f"clean mAP, strict and loose: {'; '.join(clean)}", flush=True)
         passed = [report(Matrix(budget, clouds), given.recipes) for budget in budgets]
     finish(all(passed))
 
