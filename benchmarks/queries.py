@@ -81,6 +81,7 @@ def draw(curves: dict[str, dict[str, list[float]]], counts: Sequence[int], path:
         axes.set(
             xscale="log", xlabel="queries a cloud", ylabel="strict mAP ratio in %", title=name, ylim=(0, 105)
         )
+        axes.minorticks_off()
         axes.set_xticks(counts, [str(count) for count in counts])
         axes.grid(alpha=0.3)
         axes.legend()
