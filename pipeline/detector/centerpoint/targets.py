@@ -66,24 +66,24 @@ class CentreGrid:
         counted = torch.ones_like(heat, dtype=torch.bool)
         for label in range(classes):
             mine = labels == label
-            for peak in peaks[mine & is_learned]:
-                heat[label] = torch.maximum(heat[label], peak)
-            for peak in peaks[mine & inside & ~is_learned]:
-                counted[label] &= peak == 0
+            if (learned := mine & is_learned).any():
+                heat[label] = peaks[learned].amax(0)
+            if (others := mine & inside & ~is_learned).any():
+                counted[label] = peaks[others].amax(0) == 0
         if uncounted:
             counted &= ~self._uncounted(uncounted)
         counted |= heat == 1
-        learned = peaks[is_learned].flatten(1)
+        own = peaks[is_learned].flatten(1)
         # Where peaks overlap, a cell learns the box of the highest.
-        mine = (learned >= self.preset.box_heat) & (learned == heat.flatten(1).amax(0))
-        objects, cells = mine.nonzero().unbind(1)
+        takes = (own >= self.preset.box_heat) & (own == heat.flatten(1).amax(0))
+        objects, cells = takes.nonzero().unbind(1)
         return CentreTargets(
             heat.flatten(1).T,
             counted.flatten(1).T,
             cells,
             boxes[is_learned][objects],
             labels[is_learned][objects],
-            learned[mine],
+            own[takes],
         )
 
     def places(self, boxes: Tensor) -> Tensor:

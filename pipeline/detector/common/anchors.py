@@ -89,29 +89,33 @@ class AnchorGrid:
         positive, matched, skipped = [], [], []
         for label in range(len(self.preset.classes)):
             shapes = (self.labels == label).nonzero().squeeze(1)
-            of_class = inside & (labels == label)
-            if len(shapes) == 0 or not of_class.any():
+            of_class = (inside & (labels == label)).nonzero().squeeze(1)
+            if len(shapes) == 0 or len(of_class) == 0:
                 continue
-            learned = (of_class & is_learned).nonzero().squeeze(1)
-            others = (of_class & ~is_learned).nonzero().squeeze(1)
-            low = self.negative_iou[shapes].expand(self.height, self.width, -1)
-            grey = torch.zeros_like(low, dtype=torch.bool)
+            count = self.height * self.width * len(shapes)
+            low, high = (
+                iou[shapes].repeat(count // len(shapes)) for iou in (self.negative_iou, self.positive_iou)
+            )
             cells = torch.arange(self.height * self.width, device=boxes.device) * self.per_cell
-            flat = (cells.view(self.height, self.width, 1) + shapes).flatten()
-            if len(others):
-                grey |= self._iou(boxes[others], shapes).amax(0) >= low
-            if len(learned):
-                iou = self._iou(boxes[learned], shapes)
-                best_of_box = iou.flatten(1).amax(1).view(-1, 1, 1, 1)
-                chosen = ((iou == best_of_box) & (best_of_box > 0)).any(0)
-                best, matched_box = iou.max(0)
-                chosen |= best >= self.positive_iou[shapes]
-                grey |= best >= low
+            flat = (cells[:, None] + shapes).flatten()
+            box, at, iou = self._overlaps(boxes[of_class], shapes)
+            grey = torch.zeros(count, dtype=torch.bool, device=boxes.device)
+            grey[at[iou >= low[at]]] = True
+            learned = is_learned[of_class[box]]
+            box, at, iou = box[learned], at[learned], iou[learned]
+            if len(box):
+                best = iou.new_zeros(count).scatter_reduce(0, at, iou, "amax")
+                best_of_box = iou.new_zeros(len(of_class)).scatter_reduce(0, box, iou, "amax")
+                chosen = best >= high
+                chosen[at[iou == best_of_box[box]]] = True
                 grey &= ~chosen
-                rows = chosen.flatten().nonzero().squeeze(1)
+                rows = chosen.nonzero().squeeze(1)
+                is_best = iou == best[at]
+                first = box.new_full((count,), len(of_class))
+                first = first.scatter_reduce(0, at[is_best], box[is_best], "amin")
                 positive.append(flat[rows])
-                matched.append(learned[matched_box.flatten()[rows]])
-            skipped.append(flat[grey.flatten()])
+                matched.append(of_class[first[rows]])
+            skipped.append(flat[grey])
         none = labels.new_zeros(0)
         if uncounted:
             outside = self._uncounted(uncounted)
@@ -126,19 +130,25 @@ class AnchorGrid:
         found = torch.from_numpy(uncounted.ignores_centres(anchors.cpu().double().numpy())).to(self.x.device)
         if len(uncounted.boxes):
             objects = torch.from_numpy(uncounted.boxes.geometry).to(self.shapes)
-            shapes = torch.arange(self.per_cell, device=self.x.device)
-            found |= (self._iou(objects, shapes).amax(0) >= self.negative_iou).flatten()
+            _, at, iou = self._overlaps(objects, torch.arange(self.per_cell, device=self.x.device))
+            found[at[iou >= self.negative_iou[at % self.per_cell]]] = True
         return found
 
-    def _iou(self, boxes: Tensor, shapes: Tensor) -> Tensor:
-        """IoU (M, H, W, S) of the boxes' nearest axis-aligned rectangles with those of anchor shapes (S,)."""
+    def _overlaps(self, boxes: Tensor, shapes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """All anchors of these shapes (S,) whose nearest axis-aligned rectangles touch those of boxes (M, 7).
+
+        The box, the flat index into (H, W, S), and the IoU, (K,) each.
+        """
         x_length, y_length = _extents(boxes[:, 3:5], boxes[:, 6])
         x_anchor, y_anchor = _extents(self.shapes[shapes, 1:3], self.shapes[shapes, 4])
-        x = _overlap(boxes[:, 0], x_length, self.x, x_anchor)
-        y = _overlap(boxes[:, 1], y_length, self.y, y_anchor)
+        column, x = _near_cells(boxes[:, 0], x_length, self.x, x_anchor)
+        row, y = _near_cells(boxes[:, 1], y_length, self.y, y_anchor)
         common = y[:, :, None] * x[:, None]
         union = (x_length * y_length)[:, None, None, None] + x_anchor * y_anchor - common
-        return common / union
+        touching = (common > 0).nonzero(as_tuple=True)
+        box, i, j, shape = touching
+        at = (row[box, i] * self.width + column[box, j]) * len(shapes) + shape
+        return box, at, (common / union)[touching]
 
 
 def _extents(size: Tensor, yaw: Tensor) -> tuple[Tensor, Tensor]:
@@ -147,15 +157,23 @@ def _extents(size: Tensor, yaw: Tensor) -> tuple[Tensor, Tensor]:
     return torch.where(across, size[:, 1], size[:, 0]), torch.where(across, size[:, 0], size[:, 1])
 
 
-def _overlap(centre: Tensor, length: Tensor, anchor_centre: Tensor, anchor_length: Tensor) -> Tensor:
-    """Common length (M, cells, S) of intervals (M,) with anchor intervals at each cell."""
-    low = torch.maximum(
-        (centre - length / 2)[:, None, None], anchor_centre[None, :, None] - anchor_length / 2
-    )
-    high = torch.minimum(
-        (centre + length / 2)[:, None, None], anchor_centre[None, :, None] + anchor_length / 2
-    )
-    return (high - low).clamp(min=0)
+def _near_cells(
+    centre: Tensor, length: Tensor, cells: Tensor, anchor_length: Tensor
+) -> tuple[Tensor, Tensor]:
+    """The cells (M, n) about intervals (M,) whose anchor intervals (S,) may overlap them, and the common
+    lengths (M, n, S) with those, 0 for cells beyond the first and last. cells: their places, equally far
+    apart."""
+    reach = (length + anchor_length.amax()) / 2
+    first = torch.searchsorted(cells, centre - reach) - 1
+    last = torch.searchsorted(cells, centre + reach)
+    most = int((last - first).amax()) + 1 if len(centre) else 0
+    near = first[:, None] + torch.arange(most, device=cells.device)
+    is_cell = (near >= 0) & (near < len(cells))
+    near = near.clamp(0, len(cells) - 1)
+    places = cells[near][:, :, None]
+    low = torch.maximum((centre - length / 2)[:, None, None], places - anchor_length / 2)
+    high = torch.minimum((centre + length / 2)[:, None, None], places + anchor_length / 2)
+    return near, (high - low).clamp(min=0) * is_cell[:, :, None]
 
 
 def encode_boxes(boxes: Tensor, anchors: Tensor) -> Tensor:
