@@ -52,7 +52,6 @@ from advpipe.stages.attack.lidar.attach import Attach
 from advpipe.stages.attack.lidar.base import LidarAttack, LidarResult
 from advpipe.stages.attack.lidar.detach import Detach
 from advpipe.stages.attack.lidar.perturb import RECIPES, Perturb
-from advpipe.stages.simulate.run import simulate
 
 MOST = 1.15
 
@@ -145,6 +144,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, fixed_torch_threads():
         bag = given.bag
         if bag is None:
+            from advpipe.stages.simulate.run import simulate  # a machine that only times a GPU has no SUMO
+
             bag = Path(folder) / "boulevard"
             simulate(load_scenario("boulevard", ["simulation.duration_s=2"]), bag)
         bag = resolve_bag(bag)
