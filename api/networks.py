@@ -16,6 +16,7 @@ from advpipe.pipeline.detector.common.loss import losses as losses
 from advpipe.pipeline.detector.common.network import DetectionNetwork as DetectionNetwork
 from advpipe.pipeline.detector.common.network import LabelledPoints as LabelledPoints
 from advpipe.pipeline.detector.common.network import NetworkDetector as NetworkDetector
+from advpipe.pipeline.detector.common.padded_voxels import padded_voxels as padded_voxels
 from advpipe.pipeline.detector.common.preset import Anchor as Anchor
 from advpipe.pipeline.detector.common.preset import AnchorPreset as AnchorPreset
 from advpipe.pipeline.detector.common.preset import BevBlock as BevBlock

@@ -6,6 +6,7 @@ It is run at night: test_commands.py calls the same functions in every run.
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def test_it_records_attacks_and_reports(executed: tuple[Path, dict[str, list[Any
     assert len(list(clean.frames())) == 10
     before, after = clean.frame(5), detached.frame(1)
     assert before.stamp_ns == after.stamp_ns
-    assert len(before.cloud) - len(after.cloud) == len(before.cloud) // 100
+    assert len(before.cloud) - len(after.cloud) == (len(before.cloud) + 50) // 100  # halves round up
     assert "10 frames, 10 clouds" in html(outputs["simulate"])
     assert "2 frames, 2 attacked" in html(outputs["attack"])
 
@@ -71,7 +72,8 @@ def test_it_shows_the_figures_of_the_report(executed: tuple[Path, dict[str, list
     (row,) = report["rows"]
     assert row["map_adv"] < 0.5 * row["map_clean"]
     assert f"<td>{row['map_ratio_percent']:.2f}</td>" in html(outputs["evaluate"])
-    assert f"<td>{row['map_ratio_percent']:.6f}</td>" in html(outputs["data-frame"])
+    shown = re.findall(r"<td>([0-9.]+)</td>", html(outputs["data-frame"]))
+    assert any(float(value) == pytest.approx(row["map_ratio_percent"], abs=1e-6) for value in shown)
     (line,) = (each for each in outputs["lies"] if each.get("name") != "stderr")  # which has the progress
     false_cams, cams = (int(part) for part in line.text.split() if part.isdigit() and part != "0")
     assert 0 < false_cams < cams == len(open_bag(folder / "datasets/smoke").sent_cams())
