@@ -50,7 +50,9 @@ def test_pages_run(page: str, data_sets: Path, tmp_path: Path, monkeypatch: pyte
     shutil.copytree(data_sets, tmp_path / "datasets")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    monkeypatch.setattr("advpipe.pipeline.detector.families.FAMILIES", dict(FAMILIES))
+    families = dict(FAMILIES)
+    for module in ("advpipe.pipeline.detector.families", "advpipe.networks"):
+        monkeypatch.setattr(f"{module}.FAMILIES", families)
     carry_out(page)
 
 
