@@ -7,10 +7,12 @@
 BAG is a clean drive; A, B and C are names or checkpoints. Rows are the attacked detectors, columns the
 evaluated ones; a star marks those that were attacked. The recipes that begin with `ensemble` attack, for each
 detector, all others at once, by `best` or by `transfer`. `random-best` attacks the same row and judges as
-many tries as `best`: each cell shows the mAP ratio in percent and in brackets its difference to that of
-`random-best`, with the 95 % interval of the paired difference over frames, at strict and at loose overlap.
-Then, on detectors that were not attacked: what recipe `transfer` and ensembles bring against the plain
-`best`, in the mean over rows. The marks: these differences lie below 0 with their whole interval.
+many tries as `best`, and has rows of its own: each cell shows the mAP ratio in percent and in brackets its
+difference to that of `random-best`, with the 95 % interval of the paired difference over frames, at strict
+and at loose overlap. Then, on detectors that were not attacked: what recipe `transfer` and ensembles bring
+against the plain `best`, in the mean over rows. The marks: these differences lie below 0 with their whole
+interval. Last, what each ensemble brings on the detector that it leaves out, against the better of two
+attacks, each on one of its members.
 
 Everything is printed as Markdown. Detections are kept in FOLDER, a file for each cloud: a run that was
 stopped goes on. With three detectors there are 21 attacks on each cloud and budget, of some 5 to 60 s of one
@@ -98,15 +100,31 @@ class Matrix:
         heads = [f"{name.partition('@')[0]}, {kind}" for name in names for kind in KINDS]
         yield f"| recipe | attacked | {' | '.join(heads)} |"
         yield "|---" * (len(heads) + 2) + "|"
-        for row in rows:
+        for row in [*rows, *dict.fromkeys(Row(TO_BEAT, row.attacked) for row in rows)]:
             mine, random = self.cells(row), self.cells(Row(TO_BEAT, row.attacked))
-            texts = [
-                f"{mine[name][kind][0]:.1f}{'*' if name in row.attacked else ''} "
-                f"({with_interval(mine[name][kind] - random[name][kind], '+')})"
-                for name in names
-                for kind in KINDS
-            ]
+            texts = []
+            for name in names:
+                for kind in KINDS:
+                    text = f"{mine[name][kind][0]:.1f}{'*' if name in row.attacked else ''}"
+                    change = with_interval(mine[name][kind] - random[name][kind], "+")
+                    texts.append(text if row.recipe == TO_BEAT else f"{text} ({change})")
             yield f"| {row.recipe} | {row.title} | {' | '.join(texts)} |"
+
+    def lines_of_ensembles(self, recipe: str) -> Iterator[str]:
+        """The table of what ensembles leave of the third detector, and of the difference to the better of two
+        attacks, each on one member."""
+        head = "| {} | better member | difference "
+        yield f"| attacked | evaluated {head.format('strict')}{head.format('loose')}|"
+        yield "|---" * 8 + "|"
+        for row in rows_of([recipe], list(self.clouds.evaluated)):
+            (third,) = set(self.clouds.evaluated) - set(row.attacked)
+            texts = []
+            for kind in KINDS:
+                together = self.cells(row)[third][kind]
+                alone = [self.cells(Row(row.plain_recipe, (name,)))[third][kind] for name in row.attacked]
+                better = min(alone, key=lambda ratios: float(ratios[0]))
+                texts += [f"{together[0]:.1f}", f"{better[0]:.1f}", with_interval(together - better, "+")]
+            yield f"| {row.title} | {third.partition('@')[0]} | {' | '.join(texts)} |"
 
     def unseen(self, recipe: str, kind: str) -> Float64:
         """The mean ratio of a recipe on the detectors that it did not attack."""
@@ -141,6 +159,11 @@ def report(matrix: Matrix, recipes: Sequence[str]) -> bool:
                 is_asked = kind == "strict" and other == "best" and recipe not in ("best", "hide", TO_BEAT)
                 passed &= not is_asked or float(np.nanpercentile(change[1:], 97.5)) < 0
         print(f"| {recipe} | {' | '.join(texts)} |", flush=True)
+    for recipe in recipes:
+        if recipe.startswith(ENSEMBLE):
+            print(f"\n{recipe.capitalize()}s, on the detector left out:\n")
+            for line in matrix.lines_of_ensembles(recipe):
+                print(line, flush=True)
     return passed
 
 
