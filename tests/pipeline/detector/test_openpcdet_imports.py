@@ -144,6 +144,12 @@ def test_a_file_of_another_family_says_which(tmp_path, holds, wanted):
         ("second", {"vfe.ffn.ddn.model.weight": (1,)}, r"CaDDN\.yaml"),
         ("centerpoint", {"backbone_3d.conv1.0.conv1.weight": (1,)}, r"residual layers \(centerpoint\.yaml\)"),
         ("centerpoint", {"dense_head.heads_list.0.vel.0.0.bias": (1,)}, "nuScenes"),
+        ("centerpoint", {"dense_head.heads_list.0.hm.1.weight": (5, 64, 3, 3)}, r"once_models/centerpoint"),
+        ("second", {"dense_head.conv_cls.weight": (50, 512, 1, 1)}, r"once_models/second"),
+        ("pointpillars", {"dense_head.conv_cls.weight": (50, 384, 1, 1)}, r"other classes than KITTI's"),
+        ("second", {"backbone_3d.conv1.0.conv1.weight": (1,)}, "a SECOND with residual layers"),
+        ("second", {"dense_head.decoder.self_attn.bias": (1,)}, "TransFusion"),
+        ("second", {"backbone_3d.SA_modules.0.mlps.0.0.weight": (1,)}, "3DSSD or IA-SSD"),
     ],
 )
 def test_other_configurations_are_refused_by_name(tmp_path, family, change, name):

@@ -155,8 +155,8 @@ def changed(path: Path, checkpoint: Path, change) -> Path:
             r"lacks backbone_3d.conv1.0.0.weight, .* and \d+ more",
         ),
         (
-            lambda s: s.update({"dense_head.conv_cls.weight": torch.zeros(20, 512, 1, 1)}),
-            r"conv_cls.weight has shape \(20, 512, 1, 1\), not \(18, 512, 1, 1\)",
+            lambda s: s.update({"dense_head.conv_cls.weight": torch.zeros(18, 256, 1, 1)}),
+            r"conv_cls.weight has shape \(18, 256, 1, 1\), not \(18, 512, 1, 1\)",
         ),
         (
             lambda s: s.update({"backbone_3d.conv_input.0.weight": torch.zeros(16, 3, 3, 3, 7)}),
