@@ -135,6 +135,8 @@ def plan(seeds: int = 2) -> list[Condition]:
         *each(FEW, "best", "twice"),
         *each(choosing, "best", NO_LINE_SEARCH),
         *each(("attach-0.5",), "best", "ghost", is_checked=True),
+        *each(perturb, "best", "no-decoy-gradients", "half"),
+        *each(("perturb-3",), "best", "no-decoy-gradients"),
         *each(("perturb-3",), "best", "no-decoys"),
         *each(("perturb-3",), "best", "no-decoys", "twice"),
     ]
