@@ -101,12 +101,19 @@ def _attack_at(place: Place, tree: Any, message: str) -> str:
     return f"{shorten(attack)}: "
 
 
+COUNTED = {"too_long": ("at most", "max_length"), "too_short": ("at least", "min_length")}
+"""How many items a list may have, by pydantic's type of the mistake: the bound, and its name there."""
+
+
 def _message(each: dict[str, Any], place: Place, model: type[BaseModel]) -> str:
     if each["type"] == "extra_forbidden":
         own = "; an attack's own go into `parameters`" if place[0] == "attacks" and len(place) == 4 else ""
         return f"unknown key; {known_names(place[-1], _keys_at(place[:-1], model))}{own}"
     if each["type"] == "missing":
         return "is missing"
+    if each["type"] in COUNTED and isinstance(each["input"], (list, tuple, dict)):
+        bound, limit = COUNTED[each["type"]]
+        return f"has {len(each['input'])} items; {bound} {each['ctx'][limit]} are allowed"
     message = shorten(each["msg"].removeprefix("Value error, "), LONGEST_MESSAGE)
     return message if isinstance(each["input"], dict) else f"{message}, not {short_repr(each['input'])}"
 

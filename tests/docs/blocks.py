@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-RUN = ("docs/tutorial.md", "docs/extending.md")
+RUN = ("docs/tutorial.md", "docs/extending.md", "docs/camera.md", "docs/radar.md")
 """Pages whose commands are carried out; those of the others are parsed."""
 PAGES = [
     ROOT / "README.md",

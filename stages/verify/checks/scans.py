@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
-from typing import Any
+from itertools import groupby, zip_longest
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,38 +69,58 @@ class Scans(BagCheck):
 
 
 def _pairs(attacked: AttackedBag) -> Iterator[_ScanPair]:
-    """The scans of both bags, by time, as the labels are. Raises AdvpipeError for bags with other scans."""
+    """The scans of both bags in the order of the clean one, as the labels are: the scans of an instant may
+    follow one another otherwise in the attacked one. Raises AdvpipeError for bags with other scans."""
     radars = {one.scan_topic: one for one in recorded_radars(attacked.clean)}
     numbers = dict.fromkeys(radars, 0)
-    pairs = zip(_scans(attacked.clean, radars), _scans(attacked.adversarial, radars), strict=False)
-    for (topic, time_ns, clean, _), (other, other_ns, adversarial, points) in pairs:
-        if (topic, time_ns) != (other, other_ns):
+    instants = zip_longest(_instants(attacked.clean, radars), _instants(attacked.adversarial, radars))
+    for clean, adversarial in instants:
+        if clean is None or adversarial is None or _without_scans(clean) != _without_scans(adversarial):
+            time_ns = min(each.time_ns for each in (clean, adversarial) if each is not None)
             raise AdvpipeError(
                 f"{attacked.bag.place} holds other radar scans than its parent at {time_ns} ns"
             )
-        expected = radar_cloud_to_cdr(
-            adversarial.returns,
-            radars[topic].radar.rcs_dbsm(adversarial.returns),
-            adversarial.stamp_ns,
-            adversarial.frame_id,
-        )
-        same = b"" if points == expected else points
-        yield _ScanPair(topic, numbers[topic], time_ns, clean, adversarial, same)
-        numbers[topic] += 1
+        for key, scan in clean.scans.items():
+            topic, attacked_scan = key[0], adversarial.scans[key]
+            expected = radar_cloud_to_cdr(
+                attacked_scan.returns,
+                radars[topic].radar.rcs_dbsm(attacked_scan.returns),
+                attacked_scan.stamp_ns,
+                attacked_scan.frame_id,
+            )
+            points = adversarial.points.get(key, b"")
+            same = b"" if points == expected else points
+            yield _ScanPair(topic, numbers[topic], clean.time_ns, scan, attacked_scan, same)
+            numbers[topic] += 1
 
 
-def _scans(
-    reader: BagReader, radars: Mapping[str, RecordedRadar]
-) -> Iterator[tuple[str, int, StampedScan, bytes]]:
-    """Each scan with its topic, log time, and the bytes of its points."""
+class _Instant(NamedTuple):
+    """The scans with one log time, and the bytes of their points, by topic and number within the instant."""
+
+    time_ns: int
+    scans: dict[tuple[str, int], StampedScan]
+    points: dict[tuple[str, int], bytes]
+
+
+def _without_scans(instant: _Instant) -> tuple[int, set[tuple[str, int]]]:
+    return instant.time_ns, set(instant.scans)
+
+
+def _instants(reader: BagReader, radars: Mapping[str, RecordedRadar]) -> Iterator[_Instant]:
+    """All instants with scans, by time."""
     points_of = {one.points_topic: topic for topic, one in radars.items()}
     wanted = sorted({*radars, *points_of} & reader.topics.keys())
     for time_ns, group in groupby(reader.raw_messages(wanted), key=lambda raw: raw.log_time_ns):
-        messages = list(group)
-        points = {points_of[raw.topic.name]: raw.cdr for raw in messages if raw.topic.name in points_of}
-        for raw in messages:
-            if raw.topic.name in radars:
-                yield raw.topic.name, time_ns, scan_from_cdr(raw.cdr), points.get(raw.topic.name, b"")
+        instant, counts = _Instant(time_ns, {}, {}), Counter[str]()
+        for raw in group:
+            name = raw.topic.name
+            if name in radars:
+                instant.scans[name, counts[name]] = scan_from_cdr(raw.cdr)
+            else:
+                instant.points[points_of[name], counts[name]] = raw.cdr
+            counts[name] += 1
+        if instant.scans:
+            yield instant
 
 
 def _faults(

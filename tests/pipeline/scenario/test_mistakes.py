@@ -37,8 +37,10 @@ def test_several_are_numbered(tmp_path: Path) -> None:
 def test_a_list_with_a_wrong_item_is_not_called_too_short(tmp_path: Path) -> None:
     line = refusal(tmp_path, "sensors: {cameras: {front: {images: [foo]}}}\n")
     assert line.startswith("sensors.cameras.front.images[0] (line 3): Input should be 'rgb', 'depth', ")
-    assert "at least 1 item" not in line
-    assert "at least 1 item" in refusal(tmp_path, "sensors: {cameras: {front: {images: []}}}\n")
+    assert "at least 1" not in line
+    assert "has 0 items; at least 1 " in refusal(tmp_path, "sensors: {cameras: {front: {images: []}}}\n")
+    six = refusal(tmp_path, "sensors: {cameras: {front: {distortion: [0, 0, 0, 0, 0, 0]}}}\n")
+    assert "has 6 items; at most 5 are allowed" in six
 
 
 def test_parameters_of_an_attack_have_their_place(tmp_path: Path) -> None:

@@ -124,6 +124,20 @@ def test_all_else_is_copied_and_the_bags_verify(radar_drive: Path) -> None:
     assert found.is_good, found.findings
 
 
+@pytest.mark.parametrize("radar", ["front", "side"])
+def test_an_attack_on_either_radar_verifies(radar: str, radar_drive: Path, tmp_path: Path) -> None:
+    """Whatever order the scans of an instant have in the attacked bag."""
+    shutil.copytree(radar_drive / "clean", tmp_path / "clean")
+    spec = AttackSpec(type="radar-jam", parameters={"radar": radar})
+    attack(tmp_path / "clean", tmp_path / "jam", AttackRequest((spec,)))
+    for topic in (FRONT, SIDE):
+        before, after = (
+            sum(len(one.returns) for one in scans(tmp_path / each, topic)) for each in ("clean", "jam")
+        )
+        assert (after < before) == (topic == f"/ego/{radar}/scan")
+    assert [one for one in verify(tmp_path).findings if one.check != "scenario"] == []
+
+
 @pytest.mark.parametrize(
     ("name", "damage", "what"),
     [
