@@ -50,11 +50,16 @@ class Companion(Generic[Q, A]):
             args=(their_questions, their_answers, pickle.dumps(prepare, protocol=5), is_command_line()),
             daemon=True,
         )
-        with signals.blocked(), without_main():  # until the process has set its handlers
-            self._process.start()
-            their_answers.close()  # this end is the companion's alone: its death closes the pipe
-            their_questions.close()
-            threading.Thread(target=self._receive, name="answers", daemon=True).start()
+        try:
+            with signals.blocked(), without_main():  # until the process has set its handlers
+                self._process.start()
+                their_answers.close()  # this end is the companion's alone: its death closes the pipe
+                their_questions.close()
+                threading.Thread(target=self._receive, name="answers", daemon=True).start()
+        except BaseException:
+            if self._process.pid is not None:
+                self.close()
+            raise
 
     def ask(self, question: Q) -> Future[A]:
         """Send a question, and return at once; the answer, or the error in its place, comes later."""

@@ -82,8 +82,8 @@ def _in_processes(
             )
             with signals.blocked(), without_main():  # until the worker has set its handlers
                 process.start()
+                processes.append(process)
             theirs.close()  # the worker's end is the worker's alone: its death closes the pipe
-            processes.append(process)
             pipes.append(ours)
         yield from _received_results(pipes)
     finally:

@@ -28,7 +28,7 @@ _IMPORT_SYSTEM = ("<frozen importlib._bootstrap>", "<frozen importlib._bootstrap
 _COMMAND_LINE = ("advpipe.__main__", "advpipe.pipeline.cli", "__main__")
 
 _received: int | None = None
-_is_waiting = False
+_is_waiting = _is_blocked = False
 
 
 class Stopped(KeyboardInterrupt):
@@ -111,9 +111,12 @@ def _wait() -> None:
 
 
 def _retry(_alarm: int, frame: FrameType | None) -> None:
-    """Raise `Stopped` if the import has ended in the meantime."""
+    """Raise `Stopped` if the import, or a block of `blocked`, has ended in the meantime."""
     global _is_waiting
     if not _is_waiting or _received is None:
+        return
+    if _is_blocked:
+        _wait()
         return
     importer = _importer(frame)
     if importer is None:
@@ -176,15 +179,29 @@ def deferred() -> Iterator[Deferred]:
 
 @contextmanager
 def blocked() -> Iterator[None]:
-    """Block the signals until the end of the block; a process that is started in it inherits the mask."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
+    """Block the signals until the end of the block, after which they are handled; a process that is started
+    in it inherits the mask.
+
+    The mask is that of this thread. Where another thread takes a signal, its handler would run here all the
+    same, in the middle of the block: therefore it is deferred as well. So is one that came during an import.
+    """
+    global _is_blocked
+    noted, was_blocked = Deferred(), _is_blocked
+    _is_blocked = True
     try:
-        yield
+        with deferred() as noted:
+            if not hasattr(signal, "pthread_sigmask"):
+                yield
+                return
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, REASONS)
+            try:
+                yield
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        _is_blocked = was_blocked
+        if noted.number is not None:
+            signal.raise_signal(noted.number)
 
 
 def leave_to_parent() -> None:

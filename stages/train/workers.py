@@ -122,9 +122,9 @@ def gradients(net: DetectionNetwork, examples: Examples, workers: int) -> Iterat
             process = context.Process(target=_work, args=arguments, daemon=True)
             with signals.blocked():  # until the worker has set its signal handling
                 process.start()
+                stack.callback(process.join)
+                stack.callback(own.close)
             worker_end.close()
-            stack.callback(process.join)
-            stack.callback(own.close)
             pipes.append(own)
 
         def elsewhere(step: int) -> Tensor:

@@ -155,3 +155,34 @@ def test_a_deferred_signal_is_noted_and_raised_on_request(number: signal.Signals
     assert raised.type is Stopped
     assert raised.value.number == number
     assert [signal.getsignal(one) for one in ENDINGS] == before
+
+
+WHOLE_BLOCK = """
+from threading import Event, Thread
+
+signals.install()
+begun, over = Event(), Event()
+Thread(target=over.wait, daemon=True).start()  # it may take signals that the main thread blocks
+try:
+    with signals.blocked():
+        {arrives}
+        for _ in range(20):
+            time.sleep(0.005)
+        print("whole", flush=True)
+    time.sleep(5)
+except signals.Stopped as stopped:
+    print(stopped, flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    "arrives",
+    [
+        "os.kill(os.getpid(), signal.SIGTERM)",
+        "signals._received = signal.SIGTERM; signals._wait()",  # as one that came during an import
+    ],
+)
+def test_a_block_is_not_interrupted(arrives: str, tmp_path: Path) -> None:
+    """A process that is started there would print a traceback if this one stopped in the middle of it."""
+    done = run_code(tmp_path, WHOLE_BLOCK.format(arrives=arrives))
+    assert (done.returncode, done.stdout, done.stderr) == (0, "whole\nterminated\n", "")
