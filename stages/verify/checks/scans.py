@@ -75,7 +75,7 @@ def _pairs(attacked: AttackedBag) -> Iterator[_ScanPair]:
     numbers = dict.fromkeys(radars, 0)
     instants = zip_longest(_instants(attacked.clean, radars), _instants(attacked.adversarial, radars))
     for clean, adversarial in instants:
-        if clean is None or adversarial is None or _without_scans(clean) != _without_scans(adversarial):
+        if clean is None or adversarial is None or _held_by(clean) != _held_by(adversarial):
             time_ns = min(each.time_ns for each in (clean, adversarial) if each is not None)
             raise AdvpipeError(
                 f"{attacked.bag.place} holds other radar scans than its parent at {time_ns} ns"
@@ -102,7 +102,8 @@ class _Instant(NamedTuple):
     points: dict[tuple[str, int], bytes]
 
 
-def _without_scans(instant: _Instant) -> tuple[int, set[tuple[str, int]]]:
+def _held_by(instant: _Instant) -> tuple[int, set[tuple[str, int]]]:
+    """What both bags have to agree on: the time, and which scans there are."""
     return instant.time_ns, set(instant.scans)
 
 
