@@ -16,6 +16,7 @@ from typing import Any
 
 from advpipe.pipeline.cluster.inputs import Input, MissingInputsError, unpacked
 from advpipe.pipeline.core.code import code_sha256
+from advpipe.pipeline.core.compiled import c_compiler
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.job_errors import error_for_parent
 from advpipe.pipeline.core.option_names import use_flags
@@ -137,7 +138,8 @@ def code_of_advpipe() -> str:
 def this_machine() -> Machine:
     """The machine that this process runs on."""
     found = ((name, installed(name)) for name in _LIBRARIES)
-    return Machine(_processor(), tuple(f"{name} {version}" for name, version in found if version))
+    compiler = () if c_compiler() is None else ("a C compiler",)
+    return Machine(_processor(), (*(f"{name} {version}" for name, version in found if version), *compiler))
 
 
 def this_node() -> str:

@@ -31,6 +31,7 @@ CLOUDS = (
     "pipeline/geometry",
     *LABELS,
     "pipeline/metrics",
+    "pipeline/core/compiled.py",
     "pipeline/core/index_ranges.py",
     "pipeline/core/seeding.py",
 )
@@ -40,7 +41,7 @@ scored, and how a random baseline is drawn."""
 
 @cache
 def code_sha256(*parts: str) -> str:
-    """SHA-256 (hexadecimal) of the Python sources in `parts`: files and folders, relative to the package.
+    """SHA-256 (hexadecimal) of the Python and C sources in `parts`, files and folders below the package.
 
     It covers the path and the text of each source, sorted by path, with line endings normalised. It is
     computed once in a process, as the code is loaded once. Raises FileNotFoundError for a missing part.
@@ -64,7 +65,7 @@ def source_commit() -> str | None:
         return None
     try:
         commit = _git("rev-parse", "HEAD")
-        return f"{commit}+" if _git("status", "--porcelain", "--", "*.py") else commit
+        return f"{commit}+" if _git("status", "--porcelain", "--", "*.py", "*.c") else commit
     except (OSError, subprocess.CalledProcessError):  # git is not installed, or there is no commit yet
         return None
 
@@ -75,7 +76,7 @@ def _git(*arguments: str) -> str:
 
 
 def _sources(part: Path) -> list[Path]:
-    found = [part] if part.is_file() else list(part.rglob("*.py"))
+    found = [part] if part.is_file() else [*part.rglob("*.py"), *part.rglob("*.c")]
     if not found:
         raise FileNotFoundError(part)
     return found

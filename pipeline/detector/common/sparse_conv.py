@@ -1,4 +1,4 @@
-"""Sparse 3D convolution in plain PyTorch: sites, rulebooks, and the layer itself.
+"""Sparse 3D convolution: sites, rulebooks, and the layer itself, in plain PyTorch or in compiled kernels.
 
 Submanifold and strided convolutions of Graham et al., "3D Semantic Segmentation with Submanifold
 Sparse Convolutional Networks" (CVPR 2018), as SECOND uses them (Yan et al., Sensors 2018). A rulebook
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from importlib.util import find_spec
 from math import prod
 from types import ModuleType
@@ -19,7 +19,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from advpipe.pipeline.detector.common import sparse_compiled
+
 Shape = tuple[int, int, int]
+Pair = tuple[int, Tensor, Tensor]
 
 
 @dataclass(frozen=True)
@@ -56,14 +59,22 @@ class Sites:
 class Rulebook:
     """Which input row adds to which output row, through which kernel offset.
 
-    pairs: (offset, input rows, output rows) for each kernel offset that is used.
-    centre: the offset under which every row adds to itself, -1 if there is none.
+    sites: the output's. centre: the offset under which every row adds to itself, -1 if there is none.
+    found: `pairs`, where they were found; otherwise both tables were.
     """
 
-    pairs: tuple[tuple[int, Tensor, Tensor], ...]
-    centre: int
     sites: Sites
-    """The output's sites."""
+    centre: int
+    found: tuple[Pair, ...] | None = None
+
+    @cached_property
+    def pairs(self) -> tuple[Pair, ...]:
+        """(offset, input rows, output rows) for each kernel offset that is used, but the centre."""
+        if self.found is not None:
+            return self.found
+        table = self._tables["output"]
+        rows = [(k, (table[k] >= 0).nonzero().squeeze(1)) for k in range(len(table)) if k != self.centre]
+        return tuple((k, table[k].index_select(0, out).long(), out) for k, out in rows)
 
     def table(self, offsets: int) -> Tensor:
         """The input row (offsets, V_out) int32 that adds to each output row through each offset, -1 for
@@ -90,11 +101,19 @@ class Rulebook:
 
     _tables: dict[str, Tensor] = field(default_factory=dict, compare=False, repr=False)
 
+    @classmethod
+    def of_tables(cls, sites: Sites, centre: int, table: Tensor, table_of_inputs: Tensor) -> Rulebook:
+        """The rules of both tables, see `table` and `table_of_inputs`."""
+        return cls(sites, centre, None, {"output": table, "input": table_of_inputs})
+
 
 def submanifold_rules(sites: Sites) -> Rulebook:
     """Rules of a 3 x 3 x 3 convolution whose output sites are its input sites."""
     _, height, width = (n + 2 for n in sites.shape)
     keys = sites.keys
+    if _is_compiled_for(keys):
+        table = sparse_compiled.submanifold_table(keys, sites.shape)
+        return Rulebook.of_tables(sites, 13, table, table.flip(0))
     guarded = torch.cat([keys, keys.new_full((2,), -1)])
     rows = torch.arange(len(keys), device=keys.device)
     pairs = []
@@ -111,13 +130,18 @@ def submanifold_rules(sites: Sites) -> Rulebook:
             offset = (dz * 3 + dy) * 3 + dx
             pairs += [(13 + offset, there, here), (13 - offset, here, there)]
             at, wanted = at + found, wanted + 1
-    return Rulebook(tuple(pairs), 13, sites)
+    return Rulebook(sites, 13, tuple(pairs))
 
 
 def strided_rules(sites: Sites, kernel: Shape, stride: Shape, padding: Shape) -> Rulebook:
     """Rules of a convolution whose output sites are all cells that an input site reaches."""
     sizes = zip(sites.shape, kernel, stride, padding, strict=True)
     shape: Shape = tuple((n + 2 * p - k) // s + 1 for n, k, s, p in sizes)  # type: ignore[assignment]
+    if _is_compiled_for(sites.keys):
+        keys, table, table_of_inputs = sparse_compiled.strided_tables(
+            sites.keys, sites.shape, shape, sites.batch_size, kernel, stride, padding
+        )
+        return Rulebook.of_tables(Sites(keys, shape, sites.batch_size), -1, table, table_of_inputs)
     batch, *position = sites.bzyx()
     # Per axis and kernel index: which sites reach an output cell, and its share of the cell's key.
     steps = ((shape[1] + 2) * (shape[2] + 2), shape[2] + 2, 1)
@@ -142,7 +166,7 @@ def strided_rules(sites: Sites, kernel: Shape, stride: Shape, padding: Shape) ->
     keys, inverse = torch.unique(torch.cat([k for _, _, k in found]), return_inverse=True)
     outputs = torch.split(inverse, [len(rows) for _, rows, _ in found])
     pairs = tuple((k, rows, out) for (k, rows, _), out in zip(found, outputs, strict=True))
-    return Rulebook(pairs, -1, Sites(keys, shape, sites.batch_size))
+    return Rulebook(Sites(keys, shape, sites.batch_size), -1, pairs)
 
 
 class _SparseConvolution(torch.autograd.Function):
@@ -197,15 +221,23 @@ class _SparseConvolution(torch.autograd.Function):
 
 def _kernels(features: Tensor) -> ModuleType | None:
     """The kernels that compute such features; None where PyTorch's own operations do."""
-    if features.is_cuda and features.dtype == torch.float32 and _compiles_for(features.device):
+    if features.dtype != torch.float32:
+        return None
+    if _is_compiled_for(features):
+        return sparse_compiled
+    if features.is_cuda and _has_triton(features.device):
         from advpipe.pipeline.detector.common import sparse_kernels
 
         return sparse_kernels
     return None
 
 
+def _is_compiled_for(tensor: Tensor) -> bool:
+    return tensor.device.type == "cpu" and sparse_compiled.is_compiled()
+
+
 @cache
-def _compiles_for(device: torch.device) -> bool:
+def _has_triton(device: torch.device) -> bool:
     """Whether Triton is there, the C compiler that it calls, and a GPU that it knows."""
     compilers = (os.environ.get("CC"), "gcc", "clang")
     has_compiler = any(shutil.which(each) for each in compilers if each)
