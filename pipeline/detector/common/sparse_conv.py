@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from importlib.util import find_spec
@@ -76,28 +77,37 @@ class Rulebook:
         rows = [(k, (table[k] >= 0).nonzero().squeeze(1)) for k in range(len(table)) if k != self.centre]
         return tuple((k, table[k].index_select(0, out).long(), out) for k, out in rows)
 
+    def rows(self) -> tuple[Tensor, Tensor]:
+        """The input rows and the output rows (R,) of `pairs`, all offsets in turn."""
+        if self.found is None and self.centre < 0:
+            table = self._tables["output"].flatten()
+            used = (table >= 0).nonzero().squeeze(1)
+            return table.index_select(0, used).long(), used % len(self.sites)
+        return torch.cat([i for _, i, _ in self.pairs]), torch.cat([o for _, _, o in self.pairs])
+
     def table(self, offsets: int) -> Tensor:
         """The input row (offsets, V_out) int32 that adds to each output row through each offset, -1 for
         none."""
-        return self._tabulated("output", offsets, len(self.sites), [(k, o, i) for k, i, o in self.pairs])
+        if "output" not in self._tables:
+            pairs = [(k, o, i) for k, i, o in self.pairs]
+            self._tables["output"] = self._tabulated(offsets, len(self.sites), pairs)
+        return self._tables["output"]
 
     def table_of_inputs(self, offsets: int, inputs: int) -> Tensor:
         """The output row (offsets, inputs) int32 to which each input row adds through each offset, -1 for
         none."""
-        return self._tabulated("input", offsets, inputs, list(self.pairs))
+        if "input" not in self._tables:
+            self._tables["input"] = self._tabulated(offsets, inputs, self.pairs)
+        return self._tables["input"]
 
-    def _tabulated(
-        self, side: str, offsets: int, rows: int, pairs: list[tuple[int, Tensor, Tensor]]
-    ) -> Tensor:
-        if side not in self._tables:
-            keys = self.sites.keys
-            table = torch.full((offsets, rows), -1, dtype=torch.int32, device=keys.device)
-            if self.centre >= 0:
-                table[self.centre] = torch.arange(rows, dtype=torch.int32, device=keys.device)
-            for k, at, other in pairs:
-                table[k].index_copy_(0, at, other.int())
-            self._tables[side] = table
-        return self._tables[side]
+    def _tabulated(self, offsets: int, rows: int, pairs: Iterable[Pair]) -> Tensor:
+        keys = self.sites.keys
+        table = torch.full((offsets, rows), -1, dtype=torch.int32, device=keys.device)
+        if self.centre >= 0:
+            table[self.centre] = torch.arange(rows, dtype=torch.int32, device=keys.device)
+        for k, at, other in pairs:
+            table[k].index_copy_(0, at, other.int())
+        return table
 
     _tables: dict[str, Tensor] = field(default_factory=dict, compare=False, repr=False)
 
@@ -257,8 +267,7 @@ def reached(occupancy: Tensor, rules: Rulebook) -> Tensor:
 
     An output exists while one of its inputs does. Differentiable, also where a factor is zero.
     """
-    inputs = torch.cat([i for _, i, _ in rules.pairs])
-    outputs = torch.cat([o for _, _, o in rules.pairs])
+    inputs, outputs = rules.rows()
     empty = occupancy.new_ones(len(rules.sites)).scatter_reduce(0, outputs, 1 - occupancy[inputs], "prod")
     return 1 - empty
 

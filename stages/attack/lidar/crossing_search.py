@@ -215,8 +215,9 @@ class CrossingSearch:
         worth = np.where(is_move, enter[options.cell], -np.inf)
         # The best option of each point; of equal ones, the shortest.
         worth = worth - 1e-12 * options.length_m
-        order = np.lexsort((-worth, options.point))
-        best = order[np.searchsorted(options.point[order], np.arange(len(choice)))]
+        most = np.maximum.reduceat(worth, options.home)
+        equal = np.flatnonzero(worth == most[options.point])
+        best = equal[np.searchsorted(options.point[equal], np.arange(len(choice)))]
         single = np.where(np.isfinite(worth[best]), worth[best], -np.inf) + leave[here]
         taken = (single > 0) & (self.rng.random(len(choice)) < probability)
         is_open = self.focus.is_open[self.owner]
