@@ -32,6 +32,10 @@ NOT_TRAINED_ON = ("valid", "valid_hdl64")
 """Drives that the script makes for another purpose."""
 
 
+AGAIN = 200
+"""By how much the seed of a drive grows that the script makes again; those of the world before share its map."""
+
+
 @dataclass(frozen=True)
 class Drive:
     """A line of the script: the name, and the settings of `advpipe simulate training` that make its map."""
@@ -45,7 +49,7 @@ def drives(script: Path = SCRIPT) -> Iterator[Drive]:
     text = script.read_text(encoding="utf-8").replace("\\\n", " ")
     for line in re.findall(r"^(?:generated|shipped) .*$", text, flags=re.MULTILINE):
         kind, name, seed, *rest = shlex.split(line)
-        settings = [f"simulation.seed={seed}"]
+        settings = []
         if kind == "shipped":
             settings.append(f"map.sumo_net={NETWORKS / rest[0]}.net.xml")
         else:
@@ -57,7 +61,8 @@ def drives(script: Path = SCRIPT) -> Iterator[Drive]:
             ]
             settings += [f"map.generator.speed_mps={value}" for value in speed]
         if name not in NOT_TRAINED_ON:
-            yield Drive(name, tuple(settings))
+            yield Drive(name, (f"simulation.seed={seed}", *settings))
+            yield Drive(f"{name}-again", (f"simulation.seed={int(seed) + AGAIN}", *settings))
 
 
 def map_sha256(drive: Drive) -> str:

@@ -56,9 +56,8 @@ def _compile(compiler: str, source: Path, library: Path) -> None:
 
 def _cache_folder() -> Path | None:
     """A folder that only this user can write to: what lies there is loaded as code."""
-    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    folder = Path(base).expanduser() / "advpipe"
     try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "advpipe"
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         about = folder.stat()
     except (OSError, RuntimeError):  # no home folder

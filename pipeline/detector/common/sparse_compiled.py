@@ -43,8 +43,8 @@ def gathered_products(features: Tensor, weight: Tensor, table: Tensor) -> Tensor
     offsets, c_in, c_out = weight.shape
     rows, columns = table.shape[1], _padded(c_out)
     weight = F.pad(weight, (0, columns - c_out)).contiguous()
-    out = torch.empty(rows, columns)
-    scratch = torch.empty(c_in + columns)
+    out = torch.empty(rows, columns, dtype=torch.float32)
+    scratch = torch.empty(c_in + columns, dtype=torch.float32)
     _call(
         "gathered_products", features.contiguous(), weight, table, out, rows, offsets, c_in, columns, scratch
     )
@@ -57,7 +57,7 @@ def weight_products(features: Tensor, grad: Tensor, table: Tensor) -> Tensor:
     (offsets, rows), c_in, c_out = table.shape, features.shape[1], grad.shape[1]
     columns = _padded(c_out)
     grad = F.pad(grad, (0, columns - c_out)).contiguous()
-    out = torch.empty(offsets, c_in, columns)
+    out = torch.empty(offsets, c_in, columns, dtype=torch.float32)
     _call("weight_products", features.contiguous(), grad, table, out, rows, offsets, c_in, columns)
     return out if columns == c_out else out[:, :, :c_out].contiguous()
 
