@@ -33,7 +33,7 @@ NOT_TRAINED_ON = ("valid", "valid_hdl64")
 
 
 AGAIN = 200
-"""By how much the seed of a drive grows that the script makes again; those of the world before share its map."""
+"""What the script adds to the seed of a drive that it makes again; those of the world before share maps."""
 
 
 @dataclass(frozen=True)
