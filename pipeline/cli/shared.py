@@ -202,12 +202,10 @@ def _print_versions() -> None:
     """Prints the versions that a figure may depend on."""
     import platform
 
-    from advpipe.pipeline.core.compiled import c_compiler
     from advpipe.pipeline.core.verbosity import detail
     from advpipe.pipeline.core.versions import installed
 
     packages = ("advpipe", "numpy", "open3d-cpu", "open3d", "libsumo", "torch")
     found = {package: installed(package) for package in packages}
     versions = ", ".join(f"{package} {number}" for package, number in found.items() if number)
-    compiler = c_compiler() or "none"
-    detail(f"{versions}; Python {platform.python_version()} on {platform.platform()}; C compiler {compiler}")
+    detail(f"{versions}; Python {platform.python_version()} on {platform.platform()}")

@@ -16,7 +16,7 @@ from typing import Any
 
 from advpipe.pipeline.cluster.inputs import Input, MissingInputsError, unpacked
 from advpipe.pipeline.core.code import code_sha256
-from advpipe.pipeline.core.compiled import c_compiler
+from advpipe.pipeline.core.compiled import compiled_library, compiler_version
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.job_errors import error_for_parent
 from advpipe.pipeline.core.option_names import use_flags
@@ -26,6 +26,7 @@ from advpipe.pipeline.core.versions import installed
 
 _LIBRARIES = ("numpy", "scipy", "torch", "open3d-cpu", "open3d", "libsumo")
 _CODE = ("pipeline", "stages")
+_COMPILED = Path(__file__).parents[1] / "detector" / "common" / "sparse.c"
 
 MOST_PRINTED_LINES = 20
 """Of what a plug-in prints by itself in one job."""
@@ -138,8 +139,10 @@ def code_of_advpipe() -> str:
 def this_machine() -> Machine:
     """The machine that this process runs on."""
     found = ((name, installed(name)) for name in _LIBRARIES)
-    compiler = () if c_compiler() is None else ("a C compiler",)
-    return Machine(_processor(), (*(f"{name} {version}" for name, version in found if version), *compiler))
+    versions = [f"{name} {version}" for name, version in found if version]
+    if compiled_library(_COMPILED) is not None:
+        versions.append(f"compiled by {compiler_version()}")
+    return Machine(_processor(), tuple(versions))
 
 
 def this_node() -> str:

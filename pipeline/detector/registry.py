@@ -31,9 +31,10 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
     that is not a checkpoint, a class that is not a detector, and an unknown device.
     """
     from advpipe.pipeline.detector.checkpoint import load_checkpoint
+    from advpipe.pipeline.detector.common import sparse_compiled
 
     place = open_device(device)
-    detail(f"loading detector {name_or_path} on {device}")
+    detail(f"loading detector {name_or_path} on {device}; sparse convolutions {sparse_compiled.origin()}")
     shipped = shipped_checkpoints()
     if name_or_path in shipped:
         return load_checkpoint(shipped[name_or_path], place).detector()

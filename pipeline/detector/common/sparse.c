@@ -3,21 +3,32 @@
  * A table (offsets, rows) says which input row adds to each output row through each kernel offset, -1 for
  * none. Rows are gathered and multiplied without being written down ("implicit GEMM"; Tang et al.,
  * "TorchSparse++", MICRO 2023). Sums have a fixed order, so that the same input gives the same bytes. Numbers
- * of output channels are multiples of LANES. `sparse_compiled.py` says more about each function.
+ * of output channels are multiples of 16. `sparse_compiled.py` says more about each function.
  */
 
 #include <stdint.h>
 #include <string.h>
 
-typedef float vec __attribute__((vector_size(64), aligned(4), may_alias));
-#define LANES 16 /* floats of a vector */
+/* Vectors as wide as the processor's registers: compilers keep wider ones in memory. So many rows of sums fit
+ * into the registers, where a row has 64, 32 or 16 columns. */
+#if defined(__AVX512F__)
+#define LANES 16
+#define ROWS_64 4
+#define ROWS_32 8
+#define ROWS_16 8
+#else
+#if defined(__AVX__)
+#define LANES 8
+#else
+#define LANES 4
+#endif
+#define ROWS_64 1
+#define ROWS_32 2
+#define ROWS_16 4
+#endif
 #define BLOCK 64 /* output rows at a time, whose sums stay in the nearest cache */
 #define CHUNK 256 /* pairs of rows at a time in a gradient of weights */
-#ifdef __AVX512F__
-#define MOST_ROWS 8 /* so many rows of two vectors of sums fit into the registers */
-#else
-#define MOST_ROWS 4
-#endif
+typedef float vec __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
 /* out[i] += x[i] @ weight for n rows, ROWS at a time, in NV vectors from `column` on. */
 #define ADD_PRODUCTS(NAME, ROWS, NV)                                                                       \
@@ -36,16 +47,17 @@ typedef float vec __attribute__((vector_size(64), aligned(4), may_alias));
                 for (int v = 0; v < NV; v++) *(vec *)(out[i + r] + column + v * LANES) = sum[r][v];        \
         }                                                                                                  \
     }
-ADD_PRODUCTS(add_products_64, MOST_ROWS / 2, 4)
-ADD_PRODUCTS(add_products_32, MOST_ROWS, 2)
-ADD_PRODUCTS(add_products_16, MOST_ROWS, 1)
+ADD_PRODUCTS(add_products_64, ROWS_64, 64 / LANES)
+ADD_PRODUCTS(add_products_32, ROWS_32, 32 / LANES)
+ADD_PRODUCTS(add_products_16, ROWS_16, 16 / LANES)
 
 void gathered_products(const float *features, const float *weight, const int32_t *table, float *out,
                        int64_t rows, int64_t offsets, int64_t c_in, int64_t c_out, float *scratch) {
-    const float *x[BLOCK + MOST_ROWS];
-    float *sums[BLOCK + MOST_ROWS];
+    const float *x[BLOCK + ROWS_16];
+    float *sums[BLOCK + ROWS_16];
     const float *zeros = scratch;   /* c_in of them, and c_out sums of these rows, for groups that are not full */
     float *unused = scratch + c_in;
+    if (!rows) return;
     memset(scratch, 0, sizeof(float) * (c_in + c_out));
     memset(out, 0, sizeof(float) * rows * c_out);
     for (int64_t first = 0; first < rows; first += BLOCK) {
@@ -53,12 +65,12 @@ void gathered_products(const float *features, const float *weight, const int32_t
         for (int64_t k = 0; k < offsets; k++) {
             int n = 0;
             for (int64_t row = first; row < last; row++) {
-                const int32_t source = table[k * rows + row];
-                x[n] = features + source * c_in;
+                const int64_t source = table[k * rows + row];
+                x[n] = features + (source < 0 ? 0 : source) * c_in; /* of no source: not counted */
                 sums[n] = out + row * c_out;
                 n += source >= 0;
             }
-            for (int i = n; i < n + MOST_ROWS; i++) x[i] = zeros, sums[i] = unused;
+            for (int i = n; i < n + ROWS_16; i++) x[i] = zeros, sums[i] = unused;
             const float *w = weight + k * c_in * c_out;
             int64_t column = 0;
             for (; column + 64 <= c_out; column += 64) add_products_64(x, sums, n, w, c_in, c_out, column);
@@ -85,9 +97,9 @@ void gathered_products(const float *features, const float *weight, const int32_t
         for (int c = 0; c < C; c++)                                                                        \
             for (int v = 0; v < NV; v++) *(vec *)(place + c * c_out + v * LANES) = sum[c][v];              \
     }
-ADD_OUTER_PRODUCTS(add_outer_32, MOST_ROWS, 2)
-ADD_OUTER_PRODUCTS(add_outer_16, MOST_ROWS, 1)
-ADD_OUTER_PRODUCTS(add_outer_16_of_one, 1, 1)
+ADD_OUTER_PRODUCTS(add_outer_32, ROWS_16, 32 / LANES)
+ADD_OUTER_PRODUCTS(add_outer_16, ROWS_16, 16 / LANES)
+ADD_OUTER_PRODUCTS(add_outer_16_of_one, 1, 16 / LANES)
 
 void weight_products(const float *features, const float *grad, const int32_t *table, float *out, int64_t rows,
                      int64_t offsets, int64_t c_in, int64_t c_out) {
@@ -98,20 +110,20 @@ void weight_products(const float *features, const float *grad, const int32_t *ta
         for (int64_t row = 0; row < rows;) {
             int n = 0;
             for (; row < rows && n < CHUNK; row++) {
-                const int32_t source = table[k * rows + row];
-                x[n] = features + source * c_in;
+                const int64_t source = table[k * rows + row];
+                x[n] = features + (source < 0 ? 0 : source) * c_in; /* of no source: not counted */
                 g[n] = grad + row * c_out;
                 n += source >= 0;
             }
             int64_t column = 0, c;
             for (; column + 32 <= c_out; column += 32) {
-                for (c = 0; c + MOST_ROWS <= c_in; c += MOST_ROWS) add_outer_32(x, g, n, w, c_out, c, column);
+                for (c = 0; c + ROWS_16 <= c_in; c += ROWS_16) add_outer_32(x, g, n, w, c_out, c, column);
                 for (; c < c_in; c++)
                     for (int half = 0; half < 32; half += 16)
                         add_outer_16_of_one(x, g, n, w, c_out, c, column + half);
             }
             for (; column < c_out; column += 16) {
-                for (c = 0; c + MOST_ROWS <= c_in; c += MOST_ROWS) add_outer_16(x, g, n, w, c_out, c, column);
+                for (c = 0; c + ROWS_16 <= c_in; c += ROWS_16) add_outer_16(x, g, n, w, c_out, c, column);
                 for (; c < c_in; c++) add_outer_16_of_one(x, g, n, w, c_out, c, column);
             }
         }
@@ -119,6 +131,7 @@ void weight_products(const float *features, const float *grad, const int32_t *ta
 }
 
 void submanifold_table(const int64_t *keys, int64_t rows, int64_t height, int64_t width, int32_t *table) {
+    if (!rows) return;
     memset(table, 0xff, sizeof(int32_t) * 27 * rows);
     for (int64_t row = 0; row < rows; row++) table[13 * rows + row] = (int32_t)row;
     /* The other half of the offsets is the mirror image. Keys ascend, and so do those of the neighbours. */
@@ -182,6 +195,7 @@ void strided_tables(const int64_t *keys, int64_t rows, const geometry *g, const 
     const int64_t offsets_of_kernel = g->kernel[0] * g->kernel[1] * g->kernel[2];
     int64_t cells[27];
     int offsets[27];
+    if (!rows) return;
     memset(table, 0xff, sizeof(int32_t) * offsets_of_kernel * outputs);
     memset(table_of_inputs, 0xff, sizeof(int32_t) * offsets_of_kernel * rows);
     for (int64_t row = 0; row < rows; row++)

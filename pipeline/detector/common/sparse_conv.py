@@ -19,6 +19,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 
 from advpipe.pipeline.detector.common import sparse_compiled
 
@@ -76,6 +77,12 @@ class Rulebook:
         table = self._tables["output"]
         rows = [(k, (table[k] >= 0).nonzero().squeeze(1)) for k in range(len(table)) if k != self.centre]
         return tuple((k, table[k].index_select(0, out).long(), out) for k, out in rows)
+
+    def require_inputs(self, rows: int) -> None:
+        """Raises ValueError for another number of input rows than that of the rules, where it is known."""
+        known = self._tables.get("input")
+        if known is not None and known.shape[1] != rows:
+            raise ValueError(f"a sparse convolution of {rows} rows does not fit its rules")
 
     def rows(self) -> tuple[Tensor, Tensor]:
         """The input rows and the output rows (R,) of `pairs`, all offsets in turn."""
@@ -147,7 +154,7 @@ def strided_rules(sites: Sites, kernel: Shape, stride: Shape, padding: Shape) ->
     """Rules of a convolution whose output sites are all cells that an input site reaches."""
     sizes = zip(sites.shape, kernel, stride, padding, strict=True)
     shape: Shape = tuple((n + 2 * p - k) // s + 1 for n, k, s, p in sizes)  # type: ignore[assignment]
-    if _is_compiled_for(sites.keys):
+    if prod(kernel) <= sparse_compiled.MOST_OFFSETS and _is_compiled_for(sites.keys):
         keys, table, table_of_inputs = sparse_compiled.strided_tables(
             sites.keys, sites.shape, shape, sites.batch_size, kernel, stride, padding
         )
@@ -186,7 +193,8 @@ class _SparseConvolution(torch.autograd.Function):
     def forward(ctx: Any, features: Tensor, weight: Tensor, rules: Rulebook) -> Tensor:
         ctx.save_for_backward(features, weight)
         ctx.rules = rules
-        if (kernels := _kernels(features)) is not None:
+        rules.require_inputs(len(features))
+        if (kernels := _kernels(features, weight)) is not None:
             made: Tensor = kernels.gathered_products(features, weight, rules.table(len(weight)))
             return made
         if rules.centre >= 0:
@@ -198,6 +206,7 @@ class _SparseConvolution(torch.autograd.Function):
         return out
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
         (grad,) = grads
         features, weight = ctx.saved_tensors
@@ -205,7 +214,7 @@ class _SparseConvolution(torch.autograd.Function):
         grad = grad.contiguous()
         to_features, to_weight = ctx.needs_input_grad[:2]
         grad_features = grad_weight = None
-        if (kernels := _kernels(features)) is not None:
+        if (kernels := _kernels(features, weight)) is not None:
             offsets, inputs = len(weight), len(features)
             if to_features:
                 table = rules.table_of_inputs(offsets, inputs)
@@ -229,9 +238,9 @@ class _SparseConvolution(torch.autograd.Function):
         return grad_features, grad_weight, None
 
 
-def _kernels(features: Tensor) -> ModuleType | None:
+def _kernels(features: Tensor, weight: Tensor) -> ModuleType | None:
     """The kernels that compute such features; None where PyTorch's own operations do."""
-    if features.dtype != torch.float32:
+    if features.dtype != torch.float32 or weight.dtype != torch.float32:
         return None
     if _is_compiled_for(features):
         return sparse_compiled

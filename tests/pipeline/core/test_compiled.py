@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import shutil
+import subprocess
+import sys
 
 import pytest
 
 from advpipe.pipeline.core import compiled
-from advpipe.pipeline.core.compiled import OFF, c_compiler, compiled_library
+from advpipe.pipeline.core.compiled import OFF, c_compiler, compiled_library, compiler_version
 
-needs_compiler = pytest.mark.skipif(c_compiler() is None, reason="needs a C compiler")
+needs_compiler = pytest.mark.skipif(not c_compiler(), reason="needs a C compiler")
 
 
 @pytest.fixture
@@ -18,10 +20,19 @@ def source(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.delenv("CC", raising=False)
     compiled_library.cache_clear()
+    compiler_version.cache_clear()
     source = tmp_path / "twice.c"
     source.write_text("int twice(int x) { return 2 * x; }\n")
     yield source
     compiled_library.cache_clear()
+    compiler_version.cache_clear()
+
+
+def compile_in_another_process(source):
+    """This one would load what it had loaded before from the same path."""
+    code = "import sys; from pathlib import Path; from advpipe.pipeline.core.compiled import compiled_library"
+    call = "assert compiled_library(Path(sys.argv[1])) is not None"
+    subprocess.run([sys.executable, "-c", f"{code}; {call}", str(source)], check=True)
 
 
 @needs_compiler
@@ -53,14 +64,14 @@ def test_a_source_that_does_not_compile_gives_none(source, tmp_path):
 
 def test_without_a_compiler_there_is_no_library(source, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert c_compiler() is None
+    assert c_compiler() == []
     assert compiled_library(source) is None
 
 
 @needs_compiler
 def test_the_environment_can_forbid_compiling(source, monkeypatch):
     monkeypatch.setenv(OFF, "1")
-    assert c_compiler() is None
+    assert c_compiler() == []
     assert compiled_library(source) is None
 
 
@@ -70,7 +81,7 @@ def test_the_compiler_is_the_one_that_cc_names(source, tmp_path, monkeypatch):
     broken.write_text("#!/bin/sh\nexit 1\n")
     broken.chmod(0o700)
     monkeypatch.setenv("CC", str(broken))
-    assert c_compiler() == str(broken)
+    assert c_compiler() == [str(broken)]
     assert compiled_library(source) is None
     monkeypatch.setenv("CC", shutil.which("cc") or shutil.which("gcc") or shutil.which("clang"))
     compiled_library.cache_clear()
@@ -86,9 +97,62 @@ def test_nothing_is_loaded_from_a_folder_that_others_may_write_to(source, tmp_pa
 
 
 @needs_compiler
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[: len(data) // 2], lambda data: data + b"x", lambda _: b""]
+)
+def test_a_damaged_library_is_made_again(source, tmp_path, damage):
+    compile_in_another_process(source)
+    (made,) = (tmp_path / "cache" / "advpipe").iterdir()
+    intact = made.read_bytes()
+    made.write_bytes(damage(intact))
+    assert compiled_library(source).twice(5) == 10
+    assert made.read_bytes() == intact
+
+
+@needs_compiler
+def test_a_link_is_not_loaded(source, tmp_path):
+    compile_in_another_process(source)
+    (made,) = (tmp_path / "cache" / "advpipe").iterdir()
+    made.rename(tmp_path / "elsewhere.so")
+    made.symlink_to(tmp_path / "elsewhere.so")
+    assert compiled_library(source).twice(5) == 10
+    assert not made.is_symlink()
+
+
+@needs_compiler
 def test_a_library_that_does_not_load_gives_none(source, monkeypatch):
-    monkeypatch.setattr(compiled, "_compile", lambda *paths: paths[-1].write_bytes(b"no library"))
+    def cut_off(*arguments):
+        path = arguments[2] / "cut-off.so"
+        path.write_bytes(b"no library")
+        return path
+
+    monkeypatch.setattr(compiled, "_compile", cut_off)
     assert compiled_library(source) is None
+
+
+@needs_compiler
+def test_the_compiler_may_have_arguments(source, tmp_path, monkeypatch):
+    log = tmp_path / "log"
+    wrapper = tmp_path / "wrapper"
+    wrapper.write_text(f'#!/bin/sh\necho "$1" >> {log}\nexec "$@"\n')
+    wrapper.chmod(0o700)
+    monkeypatch.setenv("CC", f"{wrapper} {c_compiler()[0]}")
+    assert compiled_library(source).twice(6) == 12
+    assert log.read_text().count("cc") + log.read_text().count("clang") == 2  # its version, and the source
+
+
+@needs_compiler
+def test_a_place_relative_to_the_current_folder_is_ignored(source, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", "cache")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    assert compiled_library(source).twice(7) == 14
+    assert not (tmp_path / "cache").exists()
+    assert (tmp_path / "home" / ".cache" / "advpipe").is_dir()
+
+
+def test_a_source_that_is_missing_gives_none(source, tmp_path):
+    assert compiled_library(tmp_path / "none.c") is None
 
 
 @needs_compiler

@@ -106,3 +106,38 @@ def test_none_or_one_occupied_cell(cells, geometry, in_pytorch):
     ours = results(sites, geometry, 4, 16)
     theirs = in_pytorch(results, sites, geometry, 4, 16)
     torch.testing.assert_close(ours, theirs)
+
+
+def test_the_rules_of_a_large_kernel_are_left_to_pytorch(in_pytorch):
+    sites, geometry = some_sites(), ((3, 5, 5), (1, 2, 2), (1, 2, 2))
+    ours, theirs = results(sites, geometry, 3, 4), in_pytorch(results, sites, geometry, 3, 4)
+    torch.testing.assert_close(ours, theirs, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("features", "weight"),
+    [((-1, 5), (27, 4, 16)), ((-1, 4), (9, 4, 16)), ((-1, 4), (30, 4, 16)), ((50, 4), (27, 4, 16))],
+)
+def test_values_that_do_not_fit_the_rules_are_refused(features, weight):
+    sites = some_sites()
+    rows, columns = features
+    values = torch.randn(len(sites) if rows < 0 else rows, columns)
+    with pytest.raises(ValueError, match="does not fit its rules"):
+        sparse_convolution(values, torch.randn(weight), submanifold_rules(sites))
+
+
+def test_weights_in_another_precision_are_not_read_as_single():
+    sites = some_sites()
+    with pytest.raises(RuntimeError):
+        sparse_convolution(
+            torch.randn(len(sites), 4), torch.randn(27, 4, 16).double(), submanifold_rules(sites)
+        )
+
+
+def test_a_second_derivative_is_refused():
+    sites = some_sites()
+    features = torch.randn(len(sites), 4, requires_grad=True)
+    out = sparse_convolution(features, torch.randn(27, 4, 16), submanifold_rules(sites))
+    (gradient,) = torch.autograd.grad((out**2).sum(), features, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        gradient.sum().backward()
