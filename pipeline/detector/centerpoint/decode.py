@@ -6,7 +6,7 @@ import torch
 
 from advpipe.pipeline.detector.centerpoint.head import CentrePredictions
 from advpipe.pipeline.detector.centerpoint.targets import CentreGrid
-from advpipe.pipeline.detector.common.decode import SCORE_THRESHOLD, suppressed_detections
+from advpipe.pipeline.detector.common.decode import SCORE_THRESHOLD, rated, suppressed_detections
 from advpipe.pipeline.detector.protocol import Detections
 
 
@@ -14,15 +14,15 @@ from advpipe.pipeline.detector.protocol import Detections
 def decode_centres(predictions: CentrePredictions, b: int, grid: CentreGrid) -> Detections:
     """The boxes of cloud `b` at the cells where a class scores at least 0.1, best first.
 
-    A box whose centre lies out of the range is no candidate. The quality of boxes, where the head predicts
-    it, is raised to `quality_power` and multiplies the score.
+    A box whose centre lies out of the range is no candidate. Where the head predicts the quality of
+    boxes, scores are those of `rated`.
     """
     preset, r = grid.preset, grid.preset.range_m
     of_classes = torch.sigmoid(predictions.scores[b])
     cells, labels = (of_classes >= SCORE_THRESHOLD).nonzero().unbind(1)
     scores = of_classes[cells, labels]
     if predictions.qualities is not None and preset.quality_power is not None:
-        scores = scores * torch.sigmoid(predictions.qualities[b][cells]) ** preset.quality_power
+        scores = rated(scores, predictions.qualities[b][cells], preset.quality_power)
     order = torch.sort(scores, descending=True, stable=True).indices[: preset.max_candidates]
     boxes = grid.decode(predictions.codes[b][cells[order]], cells[order])
     low = boxes.new_tensor([r.x_min_m, r.y_min_m, r.z_min_m])

@@ -24,8 +24,8 @@ def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) ->
     """The boxes of cloud `batch` whose class scores at least 0.1, best first, at most `max_detections`.
 
     Each anchor yields its best class or, with `suppress_by_class`, each class above the threshold, and
-    suppression is then applied within each class. Where the head predicts the quality of boxes, it is raised
-    to `quality_power` and multiplies the score.
+    suppression is then applied within each class. Where the head predicts the quality of boxes, scores are
+    those of `rated`.
     """
     preset = grid.preset
     of_classes = torch.sigmoid(predictions.scores[batch])
@@ -37,12 +37,18 @@ def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) ->
         labels = labels[anchors]
     scores = of_classes[anchors, labels]
     if predictions.qualities is not None and preset.quality_power is not None:
-        scores = scores * torch.sigmoid(predictions.qualities[batch][anchors]) ** preset.quality_power
+        scores = rated(scores, predictions.qualities[batch][anchors], preset.quality_power)
     order = torch.sort(scores, descending=True, stable=True).indices[: preset.max_candidates]
     chosen = anchors[order]
     boxes = decode_boxes(predictions.codes[batch][chosen], grid.boxes(chosen))
     boxes = _with_direction(boxes, predictions.directions[batch][chosen], preset.direction_offset_rad)
     return suppressed_detections(boxes, scores[order], labels[order], preset)
+
+
+def rated(scores: Tensor, qualities: Tensor, power: float) -> Tensor:
+    """Scores (K,) of classes times the qualities of boxes, given as logits (K,), to a power (Wu et al. 2020,
+    equation 4); the product, raised to 2 / (1 + power), is about as large as with a power of one."""
+    return (scores * torch.sigmoid(qualities) ** power) ** (2 / (1 + power))
 
 
 def suppressed_detections(

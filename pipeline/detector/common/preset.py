@@ -95,8 +95,8 @@ class SuppressionPreset(Preset):
     At most `max_candidates` enter non-maximum suppression at `nms_iou`, at most `max_detections` come out.
     vote_iou: see `decode.vote`; None is plain suppression, as in OpenPCDet. suppress_by_class: boxes of
     different classes may overlap; where two classes are likely, both are returned.
-    quality_power: the head also predicts each box's IoU with the truth, and a detection scores
-    class score * IoU**power (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: no such output.
+    quality_power: the head also predicts each box's IoU with the truth, of which scores are made as in
+    `decode.rated` (Wu et al. 2020, "IoU-aware Single-stage Object Detector"); None: no such output.
     overlap_weight: of 1 - IoU of each learned box with the truth in the loss of boxes, whose other parts
     treat each number of a box alone (Yu et al. 2016, "UnitBox").
     """

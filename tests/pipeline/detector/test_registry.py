@@ -21,13 +21,13 @@ from advpipe.pipeline.detector.second.presets import SMALL
 
 
 @pytest.mark.parametrize(
-    ("name", "family"),
-    [("small", "second"), ("pointpillars", "pointpillars"), ("centerpoint", "centerpoint")],
+    ("name", "family", "drives"),
+    [("small", "second", 92), ("pointpillars", "pointpillars", 37), ("centerpoint", "centerpoint", 37)],
 )
-def test_shipped_detectors_are_loaded_by_name(name, family):
+def test_shipped_detectors_are_loaded_by_name(name, family, drives):
     detector = load_detector(name)
     assert detector.net.preset == FAMILIES[family].preset("small")
-    assert int(detector.provenance["frames"]) == 37 * 60
+    assert int(detector.provenance["frames"]) == drives * 60
     file = shipped_checkpoints()[name]
     assert file.stat().st_size < 4e6
     assert (file.parent / "MODEL_CARD.md").is_file()

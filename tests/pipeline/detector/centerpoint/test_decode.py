@@ -75,4 +75,4 @@ def test_the_quality_of_a_box_lowers_its_score():
     scores, codes, qualities = torch.full((1, 320, 4), -9.0), torch.zeros(1, 320, 8), torch.zeros(1, 320)
     scores[0, 111, 0], codes[0, 111] = 3.0, grid.encode(box, torch.tensor([111]))[0]
     found = decode_centres(CentrePredictions(scores, codes, qualities), 0, grid)
-    assert found.scores.tolist() == pytest.approx([0.25 / (1 + np.exp(-3.0))], rel=1e-5)
+    assert found.scores.tolist() == pytest.approx([(0.25 / (1 + np.exp(-3.0))) ** (2 / 3)], rel=1e-5)

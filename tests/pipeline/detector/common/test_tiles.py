@@ -179,7 +179,7 @@ def test_the_shipped_detector_sees_the_same_in_tiles(monkeypatch):
     whole, expected = computed()
     for mine, theirs, gradient, wanted in zip(in_tiles, whole, gradients, expected, strict=True):
         assert float(mine.loss.detach()) == pytest.approx(float(theirs.loss.detach()), rel=0.005)
-        assert np.corrcoef(gradient, wanted)[0, 1] > 0.999
+        assert np.corrcoef(gradient, wanted)[0, 1] > 0.997
         assert len(theirs.found) >= 2
         np.testing.assert_allclose(mine.found.scores, theirs.found.scores, atol=0.005)
         assert iou_3d(mine.found.boxes, theirs.found.boxes).max(axis=0).min() > 0.99
