@@ -49,7 +49,7 @@ def test_a_bag_without_a_map_adds_null(config, record, tmp_path):
 def test_maps_of_the_start_checkpoint_are_included_or_null(config, tmp_path):
     known = json.loads(training_maps(config.bags, SHIPPED["small"]))
     assert {A, B} < set(known)
-    assert len(known) == 36
+    assert len(known) == 45
     assert None not in known
     silent = tmp_path / "silent.safetensors"
     save_checkpoint(SecondNet(SMALL), silent, {})
