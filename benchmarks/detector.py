@@ -27,6 +27,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import torch
 from common import machine
@@ -37,6 +38,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from advpipe.pipeline.bag.frames import FrameSlice, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.detector.common import sparse_compiled
 from advpipe.pipeline.detector.common.backbone3d import STRIDED
 from advpipe.pipeline.detector.common.sparse_network import SparseNetwork
 from advpipe.pipeline.detector.common.voxel_detector import VoxelNetworkDetector
@@ -90,8 +92,10 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def flops(net: Net, points: Tensor) -> float:
-    """Of the matrix products and convolutions of a forward pass, as PyTorch counts them."""
-    with FlopCounterMode(display=False) as counter, torch.no_grad():
+    """Of the matrix products and convolutions of a forward pass, as PyTorch counts its own: it does not see
+    those of compiled kernels."""
+    in_pytorch = patch.object(sparse_compiled, "is_compiled", lambda: False)
+    with in_pytorch, FlopCounterMode(display=False) as counter, torch.no_grad():
         forward(net, points)
     return float(counter.get_total_flops())
 
