@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from advpipe.pipeline.cluster.inputs import Input, MissingInputsError, unpacked
-from advpipe.pipeline.core.code import code_sha256
+from advpipe.pipeline.core.code import PACKAGE, code_sha256
 from advpipe.pipeline.core.compiled import compiled_library, compiler_version
 from advpipe.pipeline.core.errors import AdvpipeError
 from advpipe.pipeline.core.job_errors import error_for_parent
@@ -26,7 +26,7 @@ from advpipe.pipeline.core.versions import installed
 
 _LIBRARIES = ("numpy", "scipy", "torch", "open3d-cpu", "open3d", "libsumo")
 _CODE = ("pipeline", "stages")
-_COMPILED = Path(__file__).parents[1] / "detector" / "common" / "sparse.c"
+_COMPILED = PACKAGE / "pipeline/detector/common/sparse.c"
 
 MOST_PRINTED_LINES = 20
 """Of what a plug-in prints by itself in one job."""

@@ -34,7 +34,8 @@ def load_detector(name_or_path: str, device: str = CPU) -> ObjectDetector:
     from advpipe.pipeline.detector.common import sparse_compiled
 
     place = open_device(device)
-    detail(f"loading detector {name_or_path} on {device}; sparse convolutions {sparse_compiled.origin()}")
+    by = f"; sparse convolutions {sparse_compiled.origin()}" if place.type == CPU else ""
+    detail(f"loading detector {name_or_path} on {device}{by}")
     shipped = shipped_checkpoints()
     if name_or_path in shipped:
         return load_checkpoint(shipped[name_or_path], place).detector()

@@ -22,8 +22,8 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
 from advpipe.pipeline.detector.common import sparse_compiled
+from advpipe.pipeline.detector.common.sparse_compiled import Shape as Shape
 
-Shape = tuple[int, int, int]
 Pair = tuple[int, Tensor, Tensor]
 
 
