@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from advpipe.pipeline.core.open3d_library import o3d
 from advpipe.pipeline.sensors.world import Hits, SurfaceDetail
+from advpipe.stages.simulate.world.raycast.leaf_gaps import LeafGaps
 from advpipe.stages.simulate.world.raycast.materials import (
     CLARITY,
     REFLECTIVITY,
@@ -35,6 +36,9 @@ MAX_SEEN_PANES = 2
 SPECULAR_COS = np.float32(np.cos(np.deg2rad(5.0)))
 """A pane returns only rays this close to its normal: its reflection is specular, so at any other angle it
 reflects the light away from the sensor (Foster, Sun, Park, Kuipers: VisAGGE, ICRA 2013)."""
+
+MAX_GAPS = 2
+"""Most gaps between leaves that a ray of visible light passes before it meets a leaf."""
 
 STEP_M = np.float32(1e-3)
 
@@ -131,6 +135,7 @@ class Scene:
         self._is_pane = np.append(TRANSMITTANCE[mesh.materials] > 0, False)
         self._vertices_m = np.ascontiguousarray(mesh.vertices_m, np.float32)
         self._triangles = mesh.triangles.astype(np.uint32)
+        self._leaf_gaps = LeafGaps(self._vertices_m, self._triangles, mesh.materials)
 
     @cached_property
     def _scene(self) -> o3d.t.geometry.RaycastingScene:
@@ -199,9 +204,10 @@ class Scene:
     def sight(self, rays: Float32, parts: npt.NDArray[np.int32] | None = None) -> VisibleHits:
         """Cast rays (R, 6) of visible light, each into its own part (R,) if given.
 
-        They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque.
+        They pass every pane at every angle; after `MAX_SEEN_PANES`, the next one is opaque. They also pass
+        gaps between leaves, which the wide beams of LiDARs do not.
         """
-        range_m, normals, triangles = self._nearest(rays, parts)
+        range_m, normals, triangles = self._past_gaps(rays, parts)
         through = np.flatnonzero(of_triangles(self._is_pane, triangles))
         passed: list[tuple[npt.NDArray[np.int64], Float32, Float32, Float32]] = []
         for _ in range(MAX_SEEN_PANES):
@@ -211,16 +217,34 @@ class Scene:
             at_m = np.take(range_m, through)
             passed.append((through, at_m, _ONE_WAY[panes], np.take(normals, through, axis=0)))
             start_m = at_m + STEP_M
-            onward = np.take(rays, through, axis=0)
-            for axis in range(3):
-                onward[:, axis] += start_m * onward[:, 3 + axis]
-            found_m, found_normals, found = self._nearest(onward, None if parts is None else parts[through])
+            onward = _onward(rays, through, start_m)
+            found_m, found_normals, found = self._past_gaps(onward, None if parts is None else parts[through])
             range_m[through], normals[through], triangles[through] = start_m + found_m, found_normals, found
             through = through[self._is_pane[found]]
         if not passed:
             passed = [(through, range_m[:0], range_m[:0], normals[:0])]
         columns = (np.concatenate(column) for column in zip(*passed, strict=True))
         return VisibleHits(range_m, normals, triangles, PaneCrossings(*columns))
+
+    def _past_gaps(
+        self, rays: Float32, parts: npt.NDArray[np.int32] | None
+    ) -> tuple[Float32, Float32, npt.NDArray[np.int32]]:
+        """Range, normal (of either side), and triangle of the first surface of each ray that is no gap."""
+        range_m, normals, triangles, uv = self._nearest(rays, parts)
+        if not self._leaf_gaps.has_any:
+            return range_m, normals, triangles
+        passing = self._leaf_gaps.open_rays(triangles, uv)
+        for _ in range(MAX_GAPS):
+            if not len(passing):
+                break
+            start_m = np.take(range_m, passing) + STEP_M
+            onward = _onward(rays, passing, start_m)
+            found_m, found_normals, found, uv = self._nearest(
+                onward, None if parts is None else parts[passing]
+            )
+            range_m[passing], normals[passing], triangles[passing] = start_m + found_m, found_normals, found
+            passing = passing[self._leaf_gaps.open_rays(found, uv)]
+        return range_m, normals, triangles
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
@@ -249,12 +273,12 @@ class Scene:
 
     def _nearest(
         self, rays: Float32, parts: npt.NDArray[np.int32] | None
-    ) -> tuple[Float32, Float32, npt.NDArray[np.int32]]:
-        """Range, normal (of either side), and triangle of the first hit of each ray."""
+    ) -> tuple[Float32, Float32, npt.NDArray[np.int32], Float32]:
+        """Range, normal (of either side), triangle, and place in it (N, 2) of the first hit of each ray."""
         count = len(rays)
         if len(self._materials) == 1 or not count:
             nothing = np.full(count, np.inf, np.float32), np.zeros((count, 3), np.float32)
-            return *nothing, np.full(count, -1, np.int32)
+            return *nothing, np.full(count, -1, np.int32), np.zeros((count, 2), np.float32)
         result = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
         range_m: Float32 = result["t_hit"].numpy()
         triangles: npt.NDArray[np.int32] = result["primitive_ids"].numpy().view(np.int32)
@@ -262,7 +286,15 @@ class Scene:
         if parts is not None and self._parts is not None:
             other = np.flatnonzero(of_triangles(self._parts, triangles) != parts)
             range_m[other], triangles[other] = np.inf, -1
-        return range_m, normals, triangles
+        return range_m, normals, triangles, result["primitive_uvs"].numpy()
+
+
+def _onward(rays: Float32, chosen: npt.NDArray[np.int64], start_m: Float32) -> Float32:
+    """The chosen rays (N, 6), from `start_m` (N,) farther on."""
+    onward: Float32 = np.take(rays, chosen, axis=0)
+    for axis in range(3):
+        onward[:, axis] += start_m * onward[:, 3 + axis]
+    return onward
 
 
 def of_triangles(values: npt.NDArray[Scalar], triangles: npt.NDArray[np.int32]) -> npt.NDArray[Scalar]:
