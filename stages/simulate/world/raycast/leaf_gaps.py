@@ -64,7 +64,7 @@ class LeafGaps:
         self._shifts = np.stack([_scrambled(numbers), _scrambled(numbers + np.uint32(1 << 30))])
 
     def open_rays(self, triangles: Int32, uv: Float32) -> npt.NDArray[np.int64]:
-        """Indices of those of N hits that meet a gap: on triangles (N,), at barycentric coordinates (N, 2)."""
+        """Indices of those of N hits that meet a gap: triangles (N,), barycentric places in them (N, 2)."""
         leafy = np.flatnonzero(np.take(self._is_leafy, triangles))
         places = np.take(self._places, np.take(triangles, leafy))
         u, v = np.take(uv, leafy, axis=0).T
