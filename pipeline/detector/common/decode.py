@@ -18,6 +18,9 @@ from advpipe.pipeline.geometry.transforms import wrap_angle
 
 SCORE_THRESHOLD = 0.1
 
+BLOCK = 16
+"""How many of the best boxes suppress others at a time."""
+
 
 @torch.no_grad()
 def decode_detections(predictions: Predictions, batch: int, grid: AnchorGrid) -> Detections:
@@ -104,13 +107,25 @@ def suppress(
     A box is kept unless it overlaps a better kept box of its group (K,) by more than `iou`; at most `limit`
     boxes are kept.
     """
+    of_groups = [
+        _kept_of_group(boxes, np.flatnonzero(groups == each), iou, limit) for each in np.unique(groups)
+    ]
+    return np.sort(np.concatenate([np.zeros(0, np.int64), *of_groups]))[:limit]
+
+
+def _kept_of_group(
+    boxes: npt.NDArray[np.float64], alive: npt.NDArray[np.int64], iou: float, limit: int
+) -> npt.NDArray[np.int64]:
+    """The boxes of one group that are kept, of those given by index (K,)."""
     kept: list[int] = []
-    # Few boxes survive, so only their overlaps are computed.
-    alive = np.arange(len(boxes))
+    # Few boxes survive, so overlaps are computed for some of the best at a time.
     while len(alive) and len(kept) < limit:
-        best, rest = alive[0], alive[1:]
-        kept.append(int(best))
-        is_rival = groups[rest] == groups[best]
-        is_rival[is_rival] = iou_bev(boxes[best], boxes[rest[is_rival]])[0] > iou
-        alive = rest[~is_rival]
-    return np.array(kept, dtype=np.int64)
+        block = alive[:BLOCK]
+        covers = iou_bev(boxes[block], boxes[alive]) > iou
+        is_covered = np.zeros(len(alive), np.bool_)
+        for row, index in enumerate(block.tolist()):
+            if not is_covered[row]:
+                kept.append(index)
+                is_covered |= covers[row]
+        alive = alive[len(block) :][~is_covered[len(block) :]]
+    return np.array(kept[:limit], dtype=np.int64)
