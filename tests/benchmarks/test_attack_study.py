@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,6 +11,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from benchmark_modules import BENCHMARKS, benchmark_module
 from small_drive import LEADER_AHEAD_M, LIDAR_HEIGHT_M, SIZE_M, cast
 
 from advpipe.pipeline.bag.frames import Frame
@@ -20,17 +21,15 @@ from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.metrics.average_precision import average_precision
 from advpipe.stages.evaluate.detection.scoring import ground_truth, match
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 EVERYWHERE = Range(-80, -80, -5, 80, 80, 5)
 
 
 @pytest.fixture(scope="module")
 def study() -> Iterator[dict[str, ModuleType]]:
     """The modules of the benchmark by what follows `attack_study_` in their names."""
-    sys.path.insert(0, str(BENCHMARKS))
     names = ("", "_drive", "_frame", "_plan", "_tables")
-    yield {name.lstrip("_"): importlib.import_module(f"attack_study{name}") for name in names}
-    sys.path.remove(str(BENCHMARKS))
+    with benchmark_module("attack_study"):
+        yield {name.lstrip("_"): importlib.import_module(f"attack_study{name}") for name in names}
 
 
 def leader_frame(number: int) -> Frame:

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+from collections.abc import Iterator
 from types import ModuleType
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_module
 
 from advpipe.stages.investigate.cue import CueReading, Suspect, station
 
-BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
 LIDAR = Suspect("/ego/lidar/points")
 S = 1_000_000_000
 
 
 @pytest.fixture(scope="module")
-def tuning() -> ModuleType:
-    """benchmarks/investigate_tuning.py, which imports its neighbours."""
-    sys.path.insert(0, BENCHMARKS)
-    try:
-        import investigate_tuning
-    finally:
-        sys.path.remove(BENCHMARKS)
-    return investigate_tuning
+def tuning() -> Iterator[ModuleType]:
+    with benchmark_module("investigate_tuning") as module:
+        yield module
 
 
 def readings(cue: str, who: Suspect, values: np.ndarray, from_s: float = 0.0) -> list[tuple[str, CueReading]]:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
-from pathlib import Path
+from collections.abc import Iterator
 from types import ModuleType
 
 import pytest
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+from benchmark_modules import benchmark_module
 
 
 @pytest.fixture
-def ship(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """benchmarks/misbehaviour_ship.py."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    return importlib.import_module("misbehaviour_ship")
+def ship() -> Iterator[ModuleType]:
+    with benchmark_module("misbehaviour_ship") as module:
+        yield module
 
 
 def test_the_shipped_file_is_as_the_command_writes_it(ship: ModuleType) -> None:

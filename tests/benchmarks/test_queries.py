@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_module
 
 from advpipe.pipeline.adversary.constraints import BLACK_BOX
 from advpipe.pipeline.campaigns.sweep.budgets import budget_named
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-OURS = ("queries", "transfer", "attacked_clouds", "common")
 LEFT = {"random-best": 60.0, "score-based": 45.0, "decision-based": 62.0}
 
 
 @pytest.fixture(scope="module")
 def queries() -> Iterator[ModuleType]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(BENCHMARKS))
-        yield import_module("queries")
-    for name in OURS:
-        sys.modules.pop(name, None)
+    with benchmark_module("queries") as module:
+        yield module
 
 
 class FixedClouds:

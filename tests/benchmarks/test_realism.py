@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_module
 from small_drive import cast, record_small_drive
 
 from advpipe.pipeline.core.frame_slice import ALL_FRAMES
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.messages.cloud import POINT_DTYPE
 
-ROOT = Path(__file__).parents[2]
 LEADER = (18.0, 0.0, -1.05, 4.6, 1.9, 1.6, 0.0)
 
 
 @pytest.fixture(scope="module")
-def realism() -> ModuleType:
-    """benchmarks/realism.py."""
-    spec = importlib.util.spec_from_file_location("realism", ROOT / "benchmarks" / "realism.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def realism() -> Iterator[ModuleType]:
+    with benchmark_module("realism") as module:
+        yield module
 
 
 def test_residuals_are_the_noise_across_walls_and_ground(realism: ModuleType) -> None:

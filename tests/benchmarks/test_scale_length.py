@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import importlib
-from pathlib import Path
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
 import pytest
+from benchmark_modules import benchmark_module
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 COUNTS = (100, 1000, 10_000)
 MADE = ("clean", "removed", "report")
 
 
 @pytest.fixture
-def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(BENCHMARKS)
-    return importlib.import_module("scale_length")
+def benchmark() -> Iterator[ModuleType]:
+    with benchmark_module("scale_length") as module:
+        yield module
 
 
 def costs(

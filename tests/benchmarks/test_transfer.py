@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Iterator
-from importlib import import_module
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_module
 
 from advpipe.pipeline.campaigns.sweep.budgets import budget_named
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-OURS = ("transfer", "attacked_clouds", "common")
 NAMES = ("a@1", "b@2", "c@3")
 LEFT = {
     ("best", ("a@1",)): (5.0, 60.0, 70.0),
@@ -30,11 +26,8 @@ LEFT = {
 
 @pytest.fixture(scope="module")
 def transfer() -> Iterator[ModuleType]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(BENCHMARKS))
-        yield import_module("transfer")
-    for name in OURS:
-        sys.modules.pop(name, None)
+    with benchmark_module("transfer") as module:
+        yield module
 
 
 @pytest.fixture

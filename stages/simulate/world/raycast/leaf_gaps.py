@@ -48,10 +48,10 @@ class LeafGaps:
         kind_of_material = np.full(256, -1, np.int8)
         kind_of_material[[MATERIAL_ID[name] for name in SHAPES]] = np.arange(len(SHAPES))
         kinds = kind_of_material[materials]
-        self.has_any = bool((kinds >= 0).any())
         leafy = np.flatnonzero(kinds >= 0)
-        self._is_leafy = np.append(kinds >= 0, False)
-        self._places = np.zeros(len(kinds), np.int32)
+        self.has_any = len(leafy) > 0
+        # The last entry, beyond the triangles, is for rays that hit nothing.
+        self._places = np.full(len(kinds) + 1, -1, np.int32)
         self._places[leafy] = np.arange(len(leafy))
         self._kinds = kinds[leafy].astype(np.int32)
         corners = vertices_m[triangles[leafy]]
@@ -65,8 +65,9 @@ class LeafGaps:
 
     def open_rays(self, triangles: Int32, uv: Float32) -> npt.NDArray[np.int64]:
         """Indices of those of N hits that meet a gap: triangles (N,), barycentric places in them (N, 2)."""
-        leafy = np.flatnonzero(np.take(self._is_leafy, triangles))
-        places = np.take(self._places, np.take(triangles, leafy))
+        places = np.take(self._places, triangles)
+        leafy = np.flatnonzero(places >= 0)
+        places = np.take(places, leafy)
         u, v = np.take(uv, leafy, axis=0).T
         long, along, across = np.take(self._sides, places, axis=1)
         columns, rows = (u * long + v * along).astype(np.int32), (v * across).astype(np.int32)

@@ -170,8 +170,7 @@ class Scene:
                 break
             passed.append((through, range_m[through], passed_share(materials[through], cos[through])))
             start_m = range_m[through] + STEP_M
-            onward = rays[through]
-            onward[:, :3] += start_m[:, None] * onward[:, 3:]
+            onward = _onward(rays, through, start_m)
             found = self._first(onward, None if parts is None else parts[through])
             range_m[through], cos[through], materials[through] = start_m + found[0], found[1], found[2]
             through = through[_open_panes(*found)]
