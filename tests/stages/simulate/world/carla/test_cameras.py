@@ -12,7 +12,7 @@ import pytest
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.core.errors import AdvpipeError, UsageError
 from advpipe.pipeline.geometry.boxes import Boxes
-from advpipe.pipeline.sensors.camera.palette import TAG
+from advpipe.pipeline.sensors.camera.palette import PALETTE, TAG
 from advpipe.pipeline.sensors.camera.section import CameraSensor
 from advpipe.stages.simulate.world.carla.cameras import (
     DEPTH,
@@ -49,25 +49,31 @@ def edges_of(detection: Any) -> np.ndarray:
 
 @pytest.mark.oracle
 @pytest.mark.parametrize(
-    ("kind", "off", "share"),
-    [
-        ("image", 2, 0.996),
-        ("depth", 1, 0.998),
-        ("semantic_segmentation", 0, 0.998),
-        ("instance_segmentation", 0, 0.998),
-    ],
+    ("kind", "off"), [("image", 2), ("depth", 1), ("semantic_segmentation", 0), ("instance_segmentation", 0)]
 )
-def test_the_same_pixels(sight: Sight, kind: str, off: int, share: float) -> None:
-    """Poses are in single precision on the way, which matters at edges, as of leaves; JPEG spreads what
-    differs there. Depth is in millimetres."""
+def test_the_same_pixels(sight: Sight, kind: str, off: int) -> None:
+    """Poses are in single precision on the way, which matters at few edges, but those of leaves, which JPEG
+    spreads over blocks. Depth is in millimetres."""
     compared = pairs(sight, f"/ego/front/{kind}/compressed")
+    tags = [image(one) for one, _ in pairs(sight, "/ego/front/semantic_segmentation/compressed")]
     assert len(compared) == 3
-    for ours, embedded in compared:
+    for (ours, embedded), tag in zip(compared, tags, strict=True):
         assert ours.format == embedded.format
         assert ours.header == embedded.header
-        apart = np.abs(image(ours) - image(embedded))
-        assert (apart <= off).mean() > share
+        agrees = np.abs(image(ours) - image(embedded)) <= off
+        assert agrees.mean() > 0.996
+        if kind == "image":
+            agrees = agrees[~blocks_with((tag == PALETTE["Vegetation"]).all(axis=-1))]
+        assert agrees.mean() > 0.998
         assert len(np.unique(image(ours))) > 4
+
+
+def blocks_with(pixels: np.ndarray, side: int = 16) -> np.ndarray:
+    """The pixels (H, W) of all blocks of a JPEG with colours of half resolution that contain one of these."""
+    height, width = pixels.shape
+    padded = np.pad(pixels, ((0, -height % side), (0, -width % side)))
+    blocks = padded.reshape(padded.shape[0] // side, side, -1, side).any(axis=(1, 3))
+    return blocks.repeat(side, 0).repeat(side, 1)[:height, :width]
 
 
 @pytest.mark.oracle
