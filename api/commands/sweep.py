@@ -30,6 +30,8 @@ def sweep(
     seed: int = SweepOptions.seed,
     seeds: int = SweepOptions.seeds,
     baseline_tries: int | None = SweepOptions.baseline_tries,
+    defences: Sequence[str] = SweepOptions.defences,
+    detect_attacks: Sequence[str] = SweepOptions.detect_attacks,
     lidar: str | None = SweepOptions.lidar_topic,
     lidar_height_m: float | None = SweepOptions.lidar_height_m,
     level: bool = SweepOptions.level,
@@ -45,7 +47,8 @@ def sweep(
     bag: a clean bag or its data set, by default the newest under `datasets`. table: whose budgets. recipes:
     of the attacks, such as `("best", "paper")`. cells: some budgets only, such as `("perturb-10",
     "detach-1")`. frames: `start:stop:step`, by default at most 100, equally spaced over the bag. seeds: how
-    many, from `seed` on. keep_bags: keeps the adversarial bags that are made. out: the folder, by default
+    many, from `seed` on. defences, detect_attacks: as for `evaluate`, but none by default, and defences on
+    all frames. keep_bags: keeps the adversarial bags that are made. out: the folder, by default
     `reports/sweep-<detector>` of the data set; finished cells in it are kept. overwrite: removes those of
     other settings. The other options are those of `evaluate`.
 
@@ -66,6 +69,8 @@ def sweep(
         seed=seed,
         seeds=seeds,
         baseline_tries=baseline_tries,
+        defences=tuple(defences),
+        detect_attacks=tuple(detect_attacks),
         lidar_topic=lidar,
         lidar_height_m=lidar_height_m,
         level=level,

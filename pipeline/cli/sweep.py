@@ -9,7 +9,12 @@ from typing import Annotated
 import typer
 
 from advpipe.pipeline.campaigns.sweep.options import SweepOptions
-from advpipe.pipeline.cli.completion import sweep_recipes, words_of
+from advpipe.pipeline.cli.completion import (
+    attack_check_names,
+    defence_names,
+    sweep_recipes,
+    words_of,
+)
 from advpipe.pipeline.cli.shared import (
     Answer,
     BaselineTries,
@@ -52,6 +57,20 @@ def sweep_command(
     seed: Annotated[int, cli_option(SweepOptions, "seed")] = SweepOptions.seed,
     seeds: Annotated[int, cli_option(SweepOptions, "seeds")] = SweepOptions.seeds,
     baseline_tries: BaselineTries = None,
+    defences: Annotated[
+        list[str] | None,
+        cli_option(SweepOptions, "defences", "--defence", show_default="none", autocompletion=defence_names),
+    ] = None,
+    detect_attacks: Annotated[
+        list[str] | None,
+        cli_option(
+            SweepOptions,
+            "detect_attacks",
+            "--detect-attacks",
+            show_default="none",
+            autocompletion=attack_check_names,
+        ),
+    ] = None,
     lidar: LidarTopic = None,
     lidar_height_m: LidarHeight = None,
     level: Level = False,
@@ -89,6 +108,8 @@ def sweep_command(
         seed=seed,
         seeds=seeds,
         baseline_tries=baseline_tries,
+        defences=tuple(defences or SweepOptions.defences),
+        detect_attacks=tuple(detect_attacks or SweepOptions.detect_attacks),
         lidar_topic=lidar,
         lidar_height_m=lidar_height_m,
         level=level,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ class Settings:
     baseline_tries: the best of so many is scored, None for the attack's query budget. advpipe,
     code_sha256: the version of this package, and of its code that attacks clouds and scores.
     device: what the detector computed on, cpu or cuda. lidar_height_m, level, scale_intensity: how clouds
-    were presented to it, see `Adaptation`.
+    were presented to it, see `Adaptation`. defences, detect_attacks: what else was scored, by their texts.
     """
 
     clean_sha256: str
@@ -44,6 +45,8 @@ class Settings:
     lidar_height_m: float | None = None
     level: bool = False
     scale_intensity: float = 1.0
+    defences: tuple[str, ...] = ()
+    detect_attacks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,9 @@ class Cell:
     objects the detector finds in the clean cloud, and how many of those the attack hides, both at loose
     overlap and a score of at least the row's `working_score`.
     map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
-    commit: of advpipe's sources, by `source_commit`. What differs from run to run is not in it: see `Times`.
+    listed: what the evaluation's report lists about the attack, by key, see `listed_results`; cells of older
+    versions have none. commit: of advpipe's sources, by `source_commit`. What differs from run to run is not
+    in it: see `Times`.
     """
 
     budget: str
@@ -67,6 +72,7 @@ class Cell:
     found_objects: tuple[int, ...]
     lost_objects: tuple[int, ...]
     map_ratio_draws: tuple[float | None, ...]
+    listed: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
     commit: str | None = None
 
     @property
@@ -104,6 +110,9 @@ class Cell:
         """A cell stored in this folder. Raises ValueError, KeyError or TypeError for invalid text."""
         stored = with_new_keys(plain_json.load_json(text, LIMIT_BYTES), folder)
         settings = Settings(**stored.pop("settings"))
+        settings = replace(
+            settings, defences=tuple(settings.defences), detect_attacks=tuple(settings.detect_attacks)
+        )
         for key in ("frames", "found_objects", "lost_objects", "map_ratio_draws"):
             stored[key] = tuple(stored[key])
         for key in ("attack_s", "evaluate_s"):  # they stood here before there was a times.json

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 
@@ -17,6 +18,8 @@ def cell_differences(stored: Cell, again: Cell) -> list[str]:
     If other code made the stored cell, neither is what depends on the code alone: its hash, which is also in
     the bag, and the bag's hash.
     """
+    if not stored.listed:  # of a version that kept none
+        again = replace(again, listed={})
     before, after = _flat(stored.reproducible_values()), _flat(again.reproducible_values())
     is_other_code = stored.settings.code_sha256 != again.settings.code_sha256
     return [
@@ -32,6 +35,8 @@ def _flat(values: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     for key, value in values.items():
         if isinstance(value, Mapping):
             flat |= _flat(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            flat |= _flat({str(place): each for place, each in enumerate(value)}, f"{prefix}{key}.")
         else:
             flat[prefix + key] = value
     return flat

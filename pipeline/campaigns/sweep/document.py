@@ -12,6 +12,7 @@ from advpipe.pipeline.campaigns.sweep.caveats import sweep_caveats
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.curves import draw_convergence, draw_sweep_curves
 from advpipe.pipeline.campaigns.sweep.ingredients import ingredients_tables, measured
+from advpipe.pipeline.campaigns.sweep.listed_tables import listed_tables
 from advpipe.pipeline.campaigns.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
@@ -111,6 +112,7 @@ def _html(
     details = (
         seeds_table(cells),
         *(baselines_table(cells), loose_table(cells), budget_table(cells), convergence_table(cells)),
+        *listed_tables(cells),
         *ingredients_tables(cells),
     )
     return rendered(

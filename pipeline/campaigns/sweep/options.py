@@ -21,8 +21,9 @@ class SweepOptions:
 
     table: whose budgets. cells: the names of some of them; empty for all. recipes: of the attacks. frames: of
     the clean bag; None for at most `USUAL_FRAMES`. seed: of the attacks, the baselines and the bootstrap.
-    seeds: how many, from that one on. baseline_tries: see `evaluate`. keep_bags: whether to keep the
-    adversarial bags, in bags/. workers: processes, by default one per core.
+    seeds: how many, from that one on. baseline_tries, detect_attacks: see `evaluate`. defences: too, but on
+    all frames. keep_bags: whether to keep the adversarial bags, in bags/. workers: processes, by default one
+    per core.
     """
 
     table: str = option(
@@ -43,6 +44,15 @@ class SweepOptions:
     seed: int = option(0, "Seed of the attacks, the baselines and the bootstrap.", least=0)
     seeds: int = option(1, "How many seeds, from --seed on; tables show the spread.", least=1)
     baseline_tries: int | None = options.baseline_tries()
+    defences: tuple[str, ...] = option(
+        ("none",),
+        "Also score each cell under defences, on all frames: default, all, or NAME[:parameters] as for "
+        "evaluate. Repeatable.",
+    )
+    detect_attacks: tuple[str, ...] = option(
+        ("none",),
+        "Also say whether these checks detect the attacks: all, or names as for evaluate. Repeatable.",
+    )
     lidar_topic: str | None = options.lidar_topic()
     lidar_height_m: float | None = options.lidar_height_m()
     level: bool = options.level()
@@ -51,7 +61,12 @@ class SweepOptions:
     workers: int | None = options.workers()
 
     def __post_init__(self) -> None:
+        from advpipe.pipeline.attack_detection.registry import parse_attack_checks
+        from advpipe.pipeline.defences.registry import parse_defences
+
         check_bounds(self)
+        parse_defences(self.defences)
+        parse_attack_checks(self.detect_attacks)
         _ = self.adaptation  # refuses what is out of bounds
 
     @property

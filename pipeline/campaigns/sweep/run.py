@@ -180,5 +180,7 @@ def commands_of(clean: Path, table: str, cells: Sequence[Cell]) -> str:
         + (" --level" if one.level else "")
         + (f" --scale-intensity {one.scale_intensity:g}" if one.scale_intensity != 1 else "")
         + (f" --device {one.device}" if one.device != "cpu" else "")
+        + "".join(f" --defence {text}" for text in one.defences)
+        + "".join(f" --detect-attacks {text}" for text in one.detect_attacks)
         for recipe, one in of_recipe.items()
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,9 +12,11 @@ from advpipe.pipeline.bag.frames import FrameSlice
 from advpipe.pipeline.bag.provenance import parent_sha256
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings
+from advpipe.pipeline.campaigns.sweep.listed import listed_results
 from advpipe.pipeline.core.code import source_commit
 from advpipe.pipeline.core.progress import plan_progress
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.defences.registry import NONE
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
 from advpipe.stages.evaluate.detection.comparison import Comparison
@@ -46,14 +49,15 @@ def scored_cell(
             detectors=(detector,),
             seed=settings.seed,
             baseline_tries=settings.baseline_tries,
-            defences=(),
+            defences=settings.defences or (NONE,),
+            defence_frames=sys.maxsize,
             frames=FrameSlice.parse(settings.frames),
             lidar_topic=settings.lidar_topic,
             lidar_height_m=settings.lidar_height_m,
             level=settings.level,
             scale_intensity=settings.scale_intensity,
             device=device,
-            detect_attacks=("none",),
+            detect_attacks=settings.detect_attacks or (NONE,),
         ),
     )
     plan_progress({"detecting": 9, "metrics": 1})
@@ -69,6 +73,7 @@ def scored_cell(
         found_objects=tuple(each.clouds["clean"].found_objects for each in summary.per_frame),
         lost_objects=tuple(each.clouds["adv"].lost_objects for each in summary.per_frame),
         map_ratio_draws=_draws(comparison, summary.result.counts.classes_in_map, settings.seed),
+        listed=listed_results(summary),
         commit=source_commit(),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from advpipe.pipeline.campaigns.sweep.options import USUAL_FRAMES, SweepOptions
 from advpipe.pipeline.core.code import code_sha256
 from advpipe.pipeline.core.errors import UsageError
 from advpipe.pipeline.core.versions import installed
+from advpipe.pipeline.defences.registry import NONE
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.detector.registry import detector_sha256, load_detector
 from advpipe.stages.evaluate.provenance import SCORING
@@ -51,8 +53,15 @@ def sweep_settings(clean: Path, options: SweepOptions) -> Settings:
         code_sha256="",
         device=options.device.partition(":")[0],
         **vars(options.adaptation),
+        defences=_asked(options.defences),
+        detect_attacks=_asked(options.detect_attacks),
     )
     return with_this_code(settings)
+
+
+def _asked(texts: Sequence[str]) -> tuple[str, ...]:
+    """The texts, but for `none`."""
+    return tuple(text for text in texts if text != NONE)
 
 
 def with_this_code(settings: Settings) -> Settings:

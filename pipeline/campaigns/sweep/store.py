@@ -21,6 +21,9 @@ from advpipe.pipeline.core.option_names import option_name
 
 CELLS, TIMES = "cells", "times.json"
 
+OF_RECIPES = ("frames", "defences", "detect_attacks")
+"""Settings that may differ from recipe to recipe."""
+
 
 @dataclass(frozen=True)
 class Store:
@@ -66,7 +69,7 @@ class Store:
     def open(self, settings: Settings, recipes: Sequence[str], overwrite: bool) -> None:
         """Check that cells of these settings may be stored here; with `overwrite` others are removed.
 
-        Recipes may differ in their frames, cells of one recipe may not. Raises AdvpipeError for a
+        Recipes may differ in `OF_RECIPES`, cells of one recipe may not. Raises AdvpipeError for a
         folder that is no sweep's, and for cells of other settings.
         """
         if self.folder.exists() and not self.folder.is_dir():
@@ -97,10 +100,10 @@ class Store:
 
 
 def _difference(cell: Cell, settings: Settings, is_asked_for: bool) -> tuple[str, object, object] | None:
-    """Which setting differs first, with both values; frames count only where the recipe is asked for."""
+    """Which setting differs first, with both values; `OF_RECIPES` count only in recipes that are asked for."""
     mine, wanted = asdict(cell.settings), asdict(with_seed_of(cell.recipe, settings))
     for key, value in wanted.items():
-        if mine[key] != value and (key != "frames" or is_asked_for):
+        if mine[key] != value and (key not in OF_RECIPES or is_asked_for):
             return key.replace("code_sha256", "code of advpipe"), _short(mine[key]), _short(value)
     return None
 

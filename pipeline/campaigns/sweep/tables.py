@@ -304,6 +304,7 @@ def records(cells: Sequence[Cell], recipes: Sequence[str]) -> list[Mapping[str, 
                     "bag_sha256": cell.bag_sha256,
                     "frames": cell.settings.frames,
                     "row": plain_value(cell.row.record()),
+                    **cell.listed,
                 }
             listed.append(about)
     return listed
