@@ -100,7 +100,7 @@ class Store:
 
 
 def _difference(cell: Cell, settings: Settings, is_asked_for: bool) -> tuple[str, object, object] | None:
-    """Which setting differs first, with both values; `OF_RECIPES` count only in recipes that are asked for."""
+    """Which setting differs first, with both values; `OF_RECIPES` count in recipes that are asked for."""
     mine, wanted = asdict(cell.settings), asdict(with_seed_of(cell.recipe, settings))
     for key, value in wanted.items():
         if mine[key] != value and (key not in OF_RECIPES or is_asked_for):
