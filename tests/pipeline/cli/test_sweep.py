@@ -199,6 +199,45 @@ def test_two_seeds(clean: Path, tmp_path: Path) -> None:
     assert all("--seed 3" in line for line in commands)
 
 
+def test_defences_and_attack_checks(swept: Path, clean: Path, tmp_path: Path) -> None:
+    """As `advpipe evaluate` has them, on all frames; recipes of a folder may differ in them."""
+    out = tmp_path / "out"
+    asked = {"defences": ["flip", "quantise:0.01"], "detect_attacks": ["density", "voxel-face"]}
+    run(clean, out, ["detach-1.5"], **asked, keep_bags=True)
+    (cell,) = Store(out).cells()
+    options = Options(
+        detectors=(DETECTOR,),
+        baseline_tries=1,
+        defences=("flip", "quantise:0.01"),
+        detect_attacks=("density", "voxel-face"),
+    )
+    bag = resolve_bag(out / "bags" / "best-detach-1.5")
+    evaluate(clean, [bag], tmp_path / "report", options, workers=1)
+    report = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert [each["defence"] for each in cell.listed["defences"]] == ["none", "flip", "quantise:step_m=0.01"]
+    for key in ("defences", "attack_detection", "attack_success"):
+        mine = cell.listed[key]
+        assert mine
+        assert all(any(record.items() <= theirs.items() for theirs in report[key]) for record in mine)
+    page = (out / "report.html").read_text()
+    assert "<td>best-detach-1.5</td><td>none</td><td>100.0</td><td>0.00</td>" in page
+    assert "<h2>Attack checks: clouds above a threshold that clean ones set</h2>" in page
+    command = json.loads((out / "report.json").read_text())["command"]
+    texts = "--defence flip --defence quantise:0.01 --detect-attacks density --detect-attacks voxel-face"
+    assert command.endswith(texts)
+    run(clean, out, ["detach-1.5"], **asked, check=1)
+    run(clean, out, ["detach-1.5"], recipes="random")
+    assert {cell.recipe: cell.settings.defences for cell in Store(out).cells()} == {
+        "best": ("flip", "quantise:0.01"),
+        "random": (),
+    }
+    with pytest.raises(AdvpipeError, match="of another sweep"):
+        run(clean, out, ["detach-1"])
+    (plain, _) = Store(swept).cells()
+    assert not plain.listed["defences"]
+    assert "Under defences" not in (swept / "report.html").read_text()
+
+
 def test_four_panels_of_another_recipe(swept: Path, clean: Path) -> None:
     """Of frames of its own, in the same folder; no bag is left behind."""
     run(clean, swept, TABLE_ONE, recipes="random", frames="::3")
@@ -230,6 +269,8 @@ def test_the_command_names_the_clouds(swept: Path, clean: Path) -> None:
         ({"recipes": "best+thrice"}, "unknown variant 'thrice' of recipe best"),
         ({"recipes": "random-near+twice"}, "recipe random-near does not use rounds"),
         ({"detector": "large"}, "large"),
+        ({"defences": ["armour"]}, "unknown defence 'armour'"),
+        ({"detect_attacks": ["nose"]}, "unknown attack check 'nose'"),
         ({"frames": "90:"}, "select none of the bag's 12 frames"),
         ({"frames": "::3"}, r"holds best-detach-1 of another sweep \(frames 0::2, not 0::3\)"),
         ({"seed": 4}, r"of another sweep \(seed 0, not 4\)"),
