@@ -58,6 +58,8 @@ class Cell:
     objects the detector finds in the clean cloud, and how many of those the attack hides, both at loose
     overlap and a score of at least the row's `working_score`.
     map_ratio_draws: of the bootstrap, in percent; cells of the same frames and seed are drawn together.
+    other_draws: the same at loose overlap (`loose`), and of the baseline to beat (`random_best`,
+    `random_best_loose`); cells of older versions have none.
     listed: what the evaluation's report lists about the attack, by key, see `listed_results`; cells of older
     versions have none. commit: of advpipe's sources, by `source_commit`. What differs from run to run is not
     in it: see `Times`.
@@ -72,6 +74,7 @@ class Cell:
     found_objects: tuple[int, ...]
     lost_objects: tuple[int, ...]
     map_ratio_draws: tuple[float | None, ...]
+    other_draws: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
     listed: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
     commit: str | None = None
 

@@ -18,8 +18,8 @@ def cell_differences(stored: Cell, again: Cell) -> list[str]:
     If other code made the stored cell, neither is what depends on the code alone: its hash, which is also in
     the bag, and the bag's hash.
     """
-    if not stored.listed:  # of a version that kept none
-        again = replace(again, listed={})
+    if not stored.listed:  # of a version that kept neither
+        again = replace(again, listed={}, other_draws={})
     before, after = _flat(stored.reproducible_values()), _flat(again.reproducible_values())
     is_other_code = stored.settings.code_sha256 != again.settings.code_sha256
     return [
@@ -35,7 +35,7 @@ def _flat(values: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     for key, value in values.items():
         if isinstance(value, Mapping):
             flat |= _flat(value, f"{prefix}{key}.")
-        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+        elif isinstance(value, list | tuple) and value:
             flat |= _flat({str(place): each for place, each in enumerate(value)}, f"{prefix}{key}.")
         else:
             flat[prefix + key] = value

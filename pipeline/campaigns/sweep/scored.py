@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from advpipe.pipeline.core.seeding import named_generator
 from advpipe.pipeline.defences.registry import NONE
 from advpipe.pipeline.detector.device import CPU
 from advpipe.pipeline.metrics.bootstrap import BlockBootstrap
+from advpipe.pipeline.results.row import RANDOM_BEST
 from advpipe.stages.evaluate.detection.comparison import Comparison
 from advpipe.stages.evaluate.detection.condition_matches import ConditionMatches
 from advpipe.stages.evaluate.detection.detection_run import DetectionRun
@@ -63,6 +64,7 @@ def scored_cell(
     plan_progress({"detecting": 9, "metrics": 1})
     (comparison,) = run.comparisons(workers)
     summary = summarise(comparison, DRAWS, settings.seed)
+    draws = dict(_draws(comparison, summary.result.counts.classes_in_map, settings.seed))
     return Cell(
         budget,
         recipe,
@@ -72,22 +74,42 @@ def scored_cell(
         frames=tuple(frame.index for frame in comparison.frames),
         found_objects=tuple(each.clouds["clean"].found_objects for each in summary.per_frame),
         lost_objects=tuple(each.clouds["adv"].lost_objects for each in summary.per_frame),
-        map_ratio_draws=_draws(comparison, summary.result.counts.classes_in_map, settings.seed),
+        map_ratio_draws=draws.pop("strict"),
+        other_draws=draws,
         listed=listed_results(summary),
         commit=source_commit(),
     )
 
 
-def _draws(comparison: Comparison, in_map: Sequence[str], seed: int) -> tuple[float | None, ...]:
-    """The bootstrap draws of the mAP ratio behind the row's interval; empty without one.
+def _draws(
+    comparison: Comparison, in_map: Sequence[str], seed: int
+) -> Iterator[tuple[str, tuple[float | None, ...]]]:
+    """The bootstrap draws of the mAP ratio of the attack and of the baseline to beat, strict and loose, by
+    `draws_name`; empty without an interval.
 
     Cells of the same frames and seed draw the same blocks: their draws pair.
     """
     frames, classes = comparison.frames, comparison.classes
     stamps_ns = np.array([frame.stamp_ns for frame in frames])
     bootstrap = BlockBootstrap.of(stamps_ns, DRAWS, named_generator(seed, "evaluate", "bootstrap"))
-    clean, attacked = (
-        ConditionMatches.of(frames, condition, classes, in_map, bootstrap) for condition in ("clean", "adv")
+    conditions = [
+        name for name in ("clean", "adv", RANDOM_BEST) if all(name in frame.clouds() for frame in frames)
+    ]
+    clean, *others = (
+        ConditionMatches.of(frames, condition, classes, in_map, bootstrap) for condition in conditions
     )
-    draws = ratio_draws(attacked, clean)
-    return tuple(float(f"{draw:.6g}") if np.isfinite(draw) else None for draw in draws)
+    for condition, found in zip(conditions[1:], others, strict=True):
+        for criterion in ("strict", "loose"):
+            draws = ratio_draws(found, clean, criterion)
+            kept = tuple(float(f"{draw:.6g}") if np.isfinite(draw) else None for draw in draws)
+            yield draws_name(condition, criterion), kept
+
+
+def draws_name(condition: str, criterion: str) -> str:
+    """Such as `random_best_loose`; `strict` for the attack itself at strict overlap.
+
+    >>> draws_name("adv", "loose")
+    'loose'
+    """
+    parts = ([] if condition == "adv" else [condition]) + ([] if criterion == "strict" else [criterion])
+    return "_".join(parts) or "strict"
