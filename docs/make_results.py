@@ -1,0 +1,287 @@
+"""Writes the tables of measured attacks into docs/results.md and README.md, from cells in datasets/reports.
+
+    python docs/make_results.py
+
+A table stands between `<!-- results: NAME FOLDER -->` and `<!-- end of results -->`: NAME is one of `TABLES`,
+FOLDER one of datasets/reports, written by `advpipe sweep`. A test compares the pages with what this writes.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from advpipe.pipeline.campaigns.sweep.budgets import TABLE_ONE, budget_named
+from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.store import Store
+from advpipe.pipeline.campaigns.sweep.variants import by_seeds, by_steps, steps_factor
+from advpipe.pipeline.metrics.bootstrap import percentile_interval
+from advpipe.pipeline.results.row import RANDOM_BEST
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = (ROOT / "docs" / "results.md", ROOT / "README.md")
+REPORTS = ROOT / "datasets" / "reports"
+BLOCK = re.compile(r"(<!-- results: (\S+) (\S+) -->\n).*?(<!-- end of results -->)", re.DOTALL)
+
+RECIPES = ("best", "hide", "robust", "stealthy", "paper", "paper+weighted")
+"""In the order of tables."""
+
+Lines = Iterator[Sequence[str]]
+
+
+def attacks_table(cells: Sequence[Cell]) -> Lines:
+    """Table I: what each recipe leaves, and the paired difference to random-best of as many tries."""
+    yield (
+        *("attack", "recipe", "strict, %", f"Δ to `{RANDOM}`", "loose, %", f"Δ to `{RANDOM}`"),
+        *("lost strictly, %", "lost loosely, %", "CD, m²", "RMS, mm"),
+    )
+    for budget in _budgets(cells):
+        title, known = _title(budget), budget_named(budget)
+        yield (
+            *(title, "the paper's", f"{known.paper_map_ratio_percent:.1f}", "", "", "", "", ""),
+            *(_plain(known.paper_chamfer_distance_m2), ""),
+        )
+        mine = _by_recipe(cells, budget)
+        for recipe, cell in mine.items():
+            yield ("", f"`{recipe}`", *_line(cell))
+        if "best" in mine:
+            yield ("", f"`{RANDOM}`", *_random_line(mine["best"]))
+
+
+def short_table(cells: Sequence[Cell]) -> Lines:
+    """Of the README: `best`, `hide` and random-best."""
+    yield "attack", "recipe", "strict, %", f"Δ to `{RANDOM}`, points", "loose, %", "lost strictly, %"
+    for budget in _budgets(cells):
+        mine = _by_recipe(cells, budget)
+        for place, recipe in enumerate(name for name in ("best", "hide") if name in mine):
+            strict, delta, loose, _, lost, *_ = _line(mine[recipe])
+            title = "" if place else _title(budget)
+            yield title, f"`{recipe}`", strict, delta, loose, lost
+        if "best" in mine:
+            strict, _, loose, _, lost, *_ = _random_line(mine["best"])
+            yield "", f"`{RANDOM}`", strict, "", loose, lost
+
+
+def hidden_table(cells: Sequence[Cell]) -> Lines:
+    """What `hide` leaves at loose overlap, paired with what `best` leaves."""
+    yield "attack", "`best`, loose, %", "`hide`, loose, %", "`hide` minus `best`, points"
+    for budget in _budgets(cells):
+        mine = _by_recipe(cells, budget)
+        if "hide" in mine and "best" in mine:
+            best, hide = mine["best"], mine["hide"]
+            points = hide.attacked.map_loose_ratio_percent - best.attacked.map_loose_ratio_percent
+            draws = _draws(hide, "loose") - _draws(best, "loose")
+            yield (
+                _title(budget),
+                *(
+                    _with(each.attacked.map_loose_ratio_percent, each.attacked.map_loose_ratio_ci95)
+                    for each in (best, hide)
+                ),
+                _with(points, percentile_interval(draws), "+"),
+            )
+
+
+def defences_table(cells: Sequence[Cell]) -> Lines:
+    """What is left of the mAP of clean clouds, both under a defence, and the difference to random-best."""
+    defended = [cell for cell in cells if cell.listed.get("defences")]
+    names = list(dict.fromkeys(each["defence"] for cell in defended for each in cell.listed["defences"]))
+    yield "attack", "recipe", *(f"`{name}`" for name in names)
+    kept = {each["defence"]: each for cell in defended[:1] for each in cell.listed["defences"]}
+    yield "clean clouds", "kept", *(f"{kept[name]['clean_map_kept_percent']:.1f}" for name in names)
+    for budget in _budgets(defended):
+        for place, (recipe, cell) in enumerate(_by_recipe(defended, budget).items()):
+            by_name = {each["defence"]: each for each in cell.listed["defences"]}
+            title = "" if place else _title(budget)
+            yield title, f"`{recipe}`", *(_under_defence(by_name[name]) for name in names)
+
+
+def checks_table(cells: Sequence[Cell]) -> Lines:
+    """Which clouds attack checks detect."""
+    checked = [cell for cell in cells if cell.listed.get("attack_detection")]
+    names = list(dict.fromkeys(each["check"] for cell in checked for each in cell.listed["attack_detection"]))
+    yield "attack", "recipe", *(f"`{name}`" for name in names)
+    quiet = {each["check"]: each for cell in checked[:1] for each in cell.listed["attack_detection"]}
+    yield "clean clouds", "false alarms", *(f"{quiet[name]['false_positive_percent']:.0f}" for name in names)
+    for budget in _budgets(checked):
+        for place, (recipe, cell) in enumerate(_by_recipe(checked, budget).items()):
+            by_name = {each["check"]: each for each in cell.listed["attack_detection"]}
+            title = "" if place else _title(budget)
+            yield title, f"`{recipe}`", *(f"{by_name[each]['true_positive_percent']:.0f}" for each in names)
+
+
+def ranges_table(cells: Sequence[Cell]) -> Lines:
+    """Objects lost strictly, in percent of those found in the clean clouds, by range."""
+    held = [cell for cell in cells if cell.listed.get("attack_success")]
+    names = list(dict.fromkeys(each["range"] for cell in held for each in cell.listed["attack_success"]))
+    yield "attack", "recipe", *(f"{name}: strictly, loosely" for name in names)
+    for budget in _budgets(held):
+        mine = _by_recipe(held, budget)
+        for place, (recipe, cell) in enumerate(mine.items()):
+            yield "" if place else _title(budget), f"`{recipe}`", *_lost(cell, names, "adv")
+        if "best" in mine:
+            yield "", f"`{RANDOM}`", *_lost(mine["best"], names, RANDOM_BEST)
+
+
+def seeds_table(cells: Sequence[Cell]) -> Lines:
+    """The same frames attacked with several seeds."""
+    yield "attack", "recipe", "seeds", "strict, %", "loose, %", f"`{RANDOM}`, strict, %", "loose, %"
+    for family in by_seeds(cells).values():
+        random = [cell.strongest_random for cell in family]
+        columns = [
+            [cell.attacked.map_ratio_percent for cell in family],
+            [cell.attacked.map_loose_ratio_percent for cell in family],
+            [each.map_ratio_percent for each in random if each],
+            [each.map_loose_ratio_percent for each in random if each],
+        ]
+        seeds = ", ".join(str(cell.settings.seed) for cell in family)
+        texts = (", ".join(f"{value:.1f}" for value in values) for values in columns)
+        yield _title(family[0].budget), f"`{family[0].recipe}`", seeds, *texts
+
+
+def convergence_table(cells: Sequence[Cell]) -> Lines:
+    """What other numbers of steps leave, and the paired difference of twice the steps."""
+    yield "attack", "steps", "strict, %", "twice as many, points", "loose, %", "twice as many, points"
+    for family in by_steps(cells).values():
+        by_factor = {steps_factor(cell.recipe): cell for cell in family}
+        for factor, cell in by_factor.items():
+            texts = []
+            for key, ratio in (("strict", "map_ratio"), ("loose", "map_loose_ratio")):
+                here = getattr(cell.attacked, f"{ratio}_percent")
+                texts.append(_with(here, getattr(cell.attacked, f"{ratio}_ci95")))
+                after = by_factor.get(2 * factor)
+                points = (
+                    ""
+                    if after is None
+                    else _with(
+                        getattr(after.attacked, f"{ratio}_percent") - here,
+                        percentile_interval(_draws(after, key) - _draws(cell, key)),
+                        "+",
+                    )
+                )
+                texts.append(points)
+            yield _title(cell.budget), f"× {factor:g}", *texts
+
+
+TABLES: Mapping[str, Callable[[Sequence[Cell]], Lines]] = {
+    "attacks": attacks_table,
+    "short": short_table,
+    "hidden": hidden_table,
+    "defences": defences_table,
+    "checks": checks_table,
+    "ranges": ranges_table,
+    "seeds": seeds_table,
+    "convergence": convergence_table,
+}
+
+RANDOM = RANDOM_BEST.replace("_", "-")
+
+
+def with_tables(page: str) -> str:
+    """The text of a page with all of its tables made anew."""
+    return BLOCK.sub(lambda found: found[1] + _markdown(found[2], found[3]) + found[4], page)
+
+
+def _markdown(name: str, folder: str) -> str:
+    head, *lines = TABLES[name](Store(REPORTS / folder).cells())
+    rows = [head, ["---"] * len(head), *lines]
+    return "\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows) + "\n"
+
+
+def _budgets(cells: Sequence[Cell]) -> list[str]:
+    """Those of Table I first, in its order, as far as there are cells."""
+    found = list(dict.fromkeys(cell.budget for cell in cells))
+    return sorted(found, key=lambda name: (name not in TABLE_ONE, [*TABLE_ONE, *found].index(name)))
+
+
+def _by_recipe(cells: Sequence[Cell], budget: str) -> dict[str, Cell]:
+    found = {cell.recipe: cell for cell in cells if cell.budget == budget}
+    return {recipe: found[recipe] for recipe in RECIPES if recipe in found}
+
+
+def _title(budget: str) -> str:
+    known = budget_named(budget)
+    return f"`{known.attack}`, {known.title}"
+
+
+def _line(cell: Cell) -> tuple[str, ...]:
+    attacked, row = cell.attacked, cell.row
+    random = row.baselines[RANDOM_BEST]
+    loose = attacked.map_loose_ratio_percent - random.metrics.map_loose_ratio_percent
+    loose_draws = _draws(cell, "loose") - _draws(cell, "random_best_loose")
+    lost = _success(cell, "adv")["all"]
+    return (
+        _with(attacked.map_ratio_percent, attacked.map_ratio_ci95),
+        _with(random.map_ratio_delta_points, random.map_ratio_delta_points_ci95, "+"),
+        _with(attacked.map_loose_ratio_percent, attacked.map_loose_ratio_ci95),
+        _with(loose, percentile_interval(loose_draws), "+"),
+        f"{lost['strict_attack_success_percent']:.0f}",
+        f"{lost['attack_success_percent']:.0f}",
+        _plain(attacked.chamfer_distance_m2),
+        f"{1000 * attacked.rms_displacement_m:.1f}" if attacked.points_moved else "",
+    )
+
+
+def _random_line(cell: Cell) -> tuple[str, ...]:
+    random, lost = cell.row.baselines[RANDOM_BEST].metrics, _success(cell, RANDOM_BEST)["all"]
+    return (
+        _with(random.map_ratio_percent, random.map_ratio_ci95),
+        "",
+        _with(random.map_loose_ratio_percent, random.map_loose_ratio_ci95),
+        "",
+        f"{lost['strict_attack_success_percent']:.0f}",
+        f"{lost['attack_success_percent']:.0f}",
+        _plain(random.chamfer_distance_m2),
+        f"{1000 * random.rms_displacement_m:.1f}" if random.points_moved else "",
+    )
+
+
+def _lost(cell: Cell, ranges: Sequence[str], condition: str) -> Iterator[str]:
+    of_range = _success(cell, condition)
+    for name in ranges:
+        each = of_range[name]
+        yield f"{each['strict_attack_success_percent']:.0f}, {each['attack_success_percent']:.0f}"
+
+
+def _success(cell: Cell, condition: str) -> dict[str, Mapping[str, Any]]:
+    """What became of objects under a condition, by range."""
+    records = cell.listed["attack_success"]
+    return {each["range"]: each for each in records if each["condition"] == condition}
+
+
+def _under_defence(record: Mapping[str, Any]) -> str:
+    bounds = record["map_ratio_delta_points_vs_random_best_ci95"]
+    points = record["map_ratio_delta_points_vs_random_best"]
+    return f"{record['map_ratio_percent']:.1f} [{_with(points, bounds and tuple(bounds), '+')}]"
+
+
+def _draws(cell: Cell, key: str) -> Any:
+    values = cell.map_ratio_draws if key == "strict" else cell.other_draws[key]
+    return np.array(values, np.float64)
+
+
+def _with(value: float, bounds: tuple[float, float] | None, sign: str = "") -> str:
+    text = f"{value:{sign}.1f}"
+    if bounds is not None:
+        text += f" ({bounds[0]:{sign}.1f}…{bounds[1]:{sign}.1f})"
+    return text.replace("-", "−")
+
+
+def _plain(value: float) -> str:
+    return f"{value:.2g}"
+
+
+def main() -> None:
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        if (made := with_tables(text)) != text:
+            page.write_text(made, encoding="utf-8")
+            print(f"{page.relative_to(ROOT)}: tables made anew", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
