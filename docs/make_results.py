@@ -2,8 +2,8 @@
 
     python docs/make_results.py
 
-A table stands between `<!-- results: NAME FOLDER -->` and `<!-- end of results -->`: NAME is one of `TABLES`,
-FOLDER one of datasets/reports, written by `advpipe sweep`. A test compares the pages with what this writes.
+What it writes stands between `<!-- results: NAME FOLDER -->` and `<!-- end of results -->`: NAME is `about`, or
+one of `TABLES`, FOLDER one of datasets/reports, written by `advpipe sweep`. A test compares the pages with it.
 """
 
 from __future__ import annotations
@@ -181,13 +181,36 @@ TABLES: Mapping[str, Callable[[Sequence[Cell]], Lines]] = {
 RANDOM = RANDOM_BEST.replace("_", "-")
 
 
+def about(cells: Sequence[Cell]) -> str:
+    """What was measured on what."""
+    settings, row = cells[0].settings, cells[0].row
+    seeds = sorted({cell.settings.seed for cell in cells})
+    boxes = ", ".join(
+        f"{count:,} of class {name}{'' if name in row.counts.classes_in_map else ' (too few for the mAP)'}"
+        for name, count in row.boxes.items()
+        if count
+    )
+    strict, loose = (row.clean.means[each].map_r40 for each in ("strict", "loose"))
+    return (
+        f"Detector `{settings.detector}` (SHA-256 {settings.detector_sha256[:8]}…), {row.counts.frames} clouds "
+        f"(`--frames {settings.frames}`), {'seed' if len(seeds) == 1 else 'seeds'} "
+        f"{' and '.join(map(str, seeds))}. Evaluated objects: {boxes}. mAP is the mean of 3D AP (R40) over the "
+        f"classes: {strict:.3f} strictly and {loose:.3f} loosely in the clean clouds. Lost is an object that "
+        f"was found in the clean cloud with a score of at least {row.counts.working_score:.2f}, and is not "
+        "found in the attacked one."
+    )
+
+
 def with_tables(page: str) -> str:
     """The text of a page with all of its tables made anew."""
     return BLOCK.sub(lambda found: found[1] + _markdown(found[2], found[3]) + found[4], page)
 
 
 def _markdown(name: str, folder: str) -> str:
-    head, *lines = TABLES[name](Store(REPORTS / folder).cells())
+    cells = Store(REPORTS / folder).cells()
+    if name == "about":
+        return f"\n{about(cells)}\n\n"
+    head, *lines = TABLES[name](cells)
     rows = [head, ["---"] * len(head), *lines]
     return "\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows) + "\n"
 
