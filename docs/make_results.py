@@ -2,8 +2,8 @@
 
     python docs/make_results.py
 
-What it writes stands between `<!-- results: NAME FOLDER -->` and `<!-- end of results -->`: NAME is `about`, or
-one of `TABLES`, FOLDER one of datasets/reports, written by `advpipe sweep`. A test compares the pages with it.
+It writes between `<!-- results: NAME FOLDER -->` and `<!-- end of results -->`: NAME is `about`, or one of
+`TABLES`, FOLDER one of datasets/reports, written by `advpipe sweep`. A test compares the pages with it.
 """
 
 from __future__ import annotations
@@ -192,10 +192,10 @@ def about(cells: Sequence[Cell]) -> str:
     )
     strict, loose = (row.clean.means[each].map_r40 for each in ("strict", "loose"))
     return (
-        f"Detector `{settings.detector}` (SHA-256 {settings.detector_sha256[:8]}…), {row.counts.frames} clouds "
-        f"(`--frames {settings.frames}`), {'seed' if len(seeds) == 1 else 'seeds'} "
-        f"{' and '.join(map(str, seeds))}. Evaluated objects: {boxes}. mAP is the mean of 3D AP (R40) over the "
-        f"classes: {strict:.3f} strictly and {loose:.3f} loosely in the clean clouds. Lost is an object that "
+        f"Detector `{settings.detector}` (SHA-256 {settings.detector_sha256[:8]}…), {row.counts.frames} "
+        f"clouds (`--frames {settings.frames}`), {'seed' if len(seeds) == 1 else 'seeds'} "
+        f"{' and '.join(map(str, seeds))}. Evaluated objects: {boxes}. mAP is the mean of 3D AP (R40) over "
+        f"the classes: {strict:.3f} strictly and {loose:.3f} loosely in the clean clouds. Lost is an object that "
         f"was found in the clean cloud with a score of at least {row.counts.working_score:.2f}, and is not "
         "found in the attacked one."
     )
