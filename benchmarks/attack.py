@@ -36,7 +36,7 @@ from attack_cost import report_cost, report_effect
 from common import compare, finish, machine
 
 from advpipe.pipeline.adversary.targets import find_targets
-from advpipe.pipeline.bag.frames import Frame, FrameSlice, find_lidar_topic, read_frames
+from advpipe.pipeline.bag.frames import Frame, FrameSlice, count_frames, find_lidar_topic, read_frames
 from advpipe.pipeline.bag.locate import resolve_bag
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.detector.batching import run_batched
@@ -155,7 +155,8 @@ def main() -> None:
             assert isinstance(detector, Second)
             print(f"{machine()}; PyTorch {torch.__version__}; {len(chosen)} clouds", flush=True)
             finish(report_effect({name: ATTACKS[name] for name in given.attacks}, chosen, detector))
-        frames = list(read_frames(bag, FrameSlice(10, 10 + max([1, *batches]), 1)))
+        first = min(10, count_frames(bag) - 1)
+        frames = list(read_frames(bag, FrameSlice(first, first + max([1, *batches]), 1)))
         frame = frames[0]
         print(f"{machine()}; PyTorch {torch.__version__}; {len(frame.cloud)} points")
         if batches:

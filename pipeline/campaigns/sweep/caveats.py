@@ -64,9 +64,14 @@ def _lost(cells: Sequence[Cell]) -> list[str]:
     return [
         "Lost objects are found on the clean cloud and missed on the attacked one at loose overlap, with a "
         f"score of at least {' or '.join(scores)} (the best F1 on the clean clouds of a cell's frames). "
-        "Cells do not hold how many are lost at strict overlap, where the mAP ratio is taken. Overlaps: "
-        f"{OVERLAPS}."
+        f"{_STRICTLY_LOST if all(cell.listed for cell in cells) else _NOT_KEPT} Overlaps: {OVERLAPS}."
     ]
+
+
+_STRICTLY_LOST = (
+    "How many are lost at strict overlap, where most mAP ratios are taken, stands beside, by range."
+)
+_NOT_KEPT = "Not all cells hold how many are lost at strict overlap: older versions kept no such record."
 
 
 def _held_still(cells: Sequence[Cell]) -> list[str]:

@@ -13,12 +13,12 @@ from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.curves import draw_convergence, draw_sweep_curves
 from advpipe.pipeline.campaigns.sweep.ingredients import ingredients_tables, measured
 from advpipe.pipeline.campaigns.sweep.listed_tables import listed_tables
+from advpipe.pipeline.campaigns.sweep.loose_tables import hidden_table, loose_table
 from advpipe.pipeline.campaigns.sweep.tables import (
     ON_THE_TERMINAL,
     baselines_table,
     budget_table,
     convergence_table,
-    loose_table,
     paper_tables,
     records,
     seeds_table,
@@ -111,7 +111,8 @@ def _html(
 ) -> str:
     details = (
         seeds_table(cells),
-        *(baselines_table(cells), loose_table(cells), budget_table(cells), convergence_table(cells)),
+        *(baselines_table(cells), loose_table(cells), hidden_table(cells)),
+        *(budget_table(cells), convergence_table(cells)),
         *listed_tables(cells),
         *ingredients_tables(cells),
     )
@@ -142,7 +143,8 @@ def print_document(cells: Sequence[Cell], recipes: Sequence[str], warnings: Sequ
     console = plain_console()
     for warning in warnings:
         console.print(warning, style="bold yellow", highlight=False, markup=False)
-    console.print(rich_table(_transposed(table_one(cells, recipes))))
+    for recipe in recipes:  # one table each: side by side they are too wide
+        console.print(rich_table(_transposed(table_one(cells, [recipe]))))
     for attack in AXES:
         table = table_two(cells, recipes, attack)
         lines = tuple(tuple(line[place] for place in ON_THE_TERMINAL) for line in table.lines)

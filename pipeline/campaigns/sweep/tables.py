@@ -10,8 +10,8 @@ import numpy as np
 
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, BUDGETS, TABLE_ONE, TABLES, SweepBudget
 from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.draws import paired_interval
 from advpipe.pipeline.campaigns.sweep.variants import by_seeds, by_steps, split_recipe, steps_factor
-from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.pipeline.results.evaluation import plain_value
 from advpipe.pipeline.results.metrics import CloudMetrics
 from advpipe.stages.evaluate.detection.baseline import BEST, baseline_title
@@ -145,7 +145,7 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
     """What more steps change, of the cells that were run with other numbers of them, too; drawn together."""
     heads = (
         *("cell", "steps", "ratio %", "95 %", "twice as many change", "95 %"),
-        *(f"changes under {SMALL_CHANGE_POINTS:g} points", "surely more"),
+        *(f"surely under {SMALL_CHANGE_POINTS:g} points", "surely more"),
     )
     lines = []
     for name, family in by_steps(cells).items():
@@ -153,9 +153,9 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
         for factor, cell in factors.items():
             after = factors.get(2 * factor)
             points, bounds = (None, None) if after is None else step(cell, after)
-            is_small = None if points is None else abs(points) < SMALL_CHANGE_POINTS
-            is_large = None
+            is_small = is_large = None
             if bounds is not None:
+                is_small = bounds[0] > -SMALL_CHANGE_POINTS and bounds[1] < SMALL_CHANGE_POINTS
                 is_large = bounds[0] > SMALL_CHANGE_POINTS or bounds[1] < -SMALL_CHANGE_POINTS
             lines.append(
                 (
@@ -165,8 +165,8 @@ def convergence_table(cells: Sequence[Cell]) -> Table:
                 )
             )
     title = (
-        "What more steps change; surely more where the whole interval is beyond "
-        f"{SMALL_CHANGE_POINTS:g} points"
+        f"What more steps change; surely under {SMALL_CHANGE_POINTS:g} points where the whole interval is, "
+        f"surely more where it is wholly beyond"
     )
     return Table(title, heads, tuple(lines))
 
@@ -183,34 +183,6 @@ def seeds_table(cells: Sequence[Cell]) -> Table:
             loose = _over_seeds([each.map_loose_ratio_percent for each in metrics])
             lines.append((title, ", ".join(str(cell.settings.seed) for cell in family), *strict, *loose))
     return Table("Spread over seeds: the same frames, attacked again", heads, tuple(lines))
-
-
-def loose_table(cells: Sequence[Cell]) -> Table:
-    """The mAP ratio at strict and at loose overlap: how much of an attack hides, and how much misplaces."""
-    heads = (
-        "cell",
-        "strict: ratio %",
-        "loose: ratio %",
-        f"{RANDOM}, loose: ratio %",
-        "lost, loose",
-        "of found, loose",
-        "score at least",
-    )
-    lines = [
-        (
-            cell.name,
-            formatted_number(cell.attacked.map_ratio_percent, 2),
-            formatted_number(cell.attacked.map_loose_ratio_percent, 2),
-            formatted_number(random.map_loose_ratio_percent, 2)
-            if (random := cell.strongest_random)
-            else NOTHING,
-            formatted_number(sum(cell.lost_objects), 0),
-            formatted_number(sum(cell.found_objects), 0),
-            formatted_number(cell.row.counts.working_score, 2),
-        )
-        for cell in cells
-    ]
-    return Table("At loose overlap: hidden rather than misplaced", heads, tuple(lines))
 
 
 def baselines_table(cells: Sequence[Cell]) -> Table:
@@ -261,10 +233,7 @@ def step(before: Cell, after: Cell) -> tuple[float | None, tuple[float, float] |
     change = after.attacked.map_ratio_percent - before.attacked.map_ratio_percent
     points = None if isnan(change) else change
     paired = (before.frames, before.settings.seed) == (after.frames, after.settings.seed)
-    if not paired or not before.map_ratio_draws or not after.map_ratio_draws:
-        return points, None
-    draws = [np.array(cell.map_ratio_draws, dtype=np.float64) for cell in (before, after)]
-    return points, percentile_interval(draws[1] - draws[0])
+    return points, paired_interval(before.map_ratio_draws, after.map_ratio_draws) if paired else None
 
 
 def below_paper(budget: SweepBudget, cell: Cell) -> bool | None:

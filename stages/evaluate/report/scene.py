@@ -153,7 +153,20 @@ def attack_name(made_by: AttackRecord | TransferRecord) -> str:
 def attack_title(made_by: AttackRecord | TransferRecord) -> str:
     """Such as `detach, recipe best, ratio 0.01`."""
     budget = f", {made_by.parameter} {made_by.value}" if made_by.parameter else ""
-    return attack_name(made_by) + budget
+    return ", ".join([attack_name(made_by) + budget, *variations(made_by)])
+
+
+def variations(made_by: AttackRecord | TransferRecord) -> list[str]:
+    """Parameters beside recipe and budget that change what an attack is; empty at their defaults."""
+    given = made_by.parameters
+    texts = {
+        "truth by detections": given.get("truth") == "detections",
+        "goal hide": given.get("goal") == "hide" and made_by.recipe != "hide",
+        "along rays": bool(given.get("along_ray")),
+        "in occlusion order": bool(given.get("keep_occlusion_order")),
+        f"λ = {given.get('weight')}": made_by.recipe == "paper" and bool(given.get("weight")),
+    }
+    return [text for text, holds in texts.items() if holds]
 
 
 def _lost(frame: FrameResult, min_score: float) -> Bool:

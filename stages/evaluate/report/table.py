@@ -20,6 +20,7 @@ from advpipe.stages.evaluate.report.numbers import (
     shown_interval,
 )
 from advpipe.stages.evaluate.report.report import Report
+from advpipe.stages.evaluate.report.scene import variations
 from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, WHITE_BOX, lost_means
 
@@ -29,7 +30,8 @@ CAR = ("strict", "car")
 """Whose average precision stands beside the mAP."""
 
 COLUMNS = (
-    "attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost", "new FP", "max shift m",
+    "attack", "mAP", "ratio %", "95 %", "loose ratio %", "car AP", "CD m²", "points", "lost", "new FP",
+    "max shift m",
 )  # fmt: skip
 
 SIGNIFICANT = {
@@ -53,11 +55,13 @@ def cells(row: ResultRow, baseline: str = "") -> dict[str, str]:
     if metrics is None:
         return dict.fromkeys(COLUMNS, NOTHING)
     parts = [str(each) for each in (made_by.attack, made_by.recipe, made_by.value) if each not in (None, "")]
+    parts += variations(made_by)
     return {
         "attack": f"  {baseline_title(baseline, made_by.baseline_tries)}" if baseline else " ".join(parts),
         "mAP": formatted_number(metrics.map_adv, 3),
         "ratio %": formatted_ratio(metrics.map_ratio_percent, row.clean.means["strict"].map_r40),
         "95 %": interval_cell(metrics.map_ratio_ci95, row.counts),
+        "loose ratio %": formatted_ratio(metrics.map_loose_ratio_percent, row.clean.means["loose"].map_r40),
         "car AP": formatted_number(metrics.precisions.ap.get(CAR), 3),
         "CD m²": formatted_number(metrics.chamfer_distance_m2, 5),
         "points": changed_percent(
@@ -76,6 +80,7 @@ def clean_cells(row: ResultRow, detector: str = "") -> dict[str, str]:
         "attack": f"{CLEAN}: {short_name(detector)}" if detector else CLEAN,
         "mAP": formatted_number(mean_ap, 3),
         "ratio %": formatted_ratio(100.0, mean_ap),
+        "loose ratio %": formatted_ratio(100.0, row.clean.means["loose"].map_r40),
         "car AP": formatted_number(row.clean.precisions.ap.get(CAR), 3),
     }
 

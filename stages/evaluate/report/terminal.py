@@ -21,7 +21,7 @@ from advpipe.stages.evaluate.report.section import Table
 from advpipe.stages.evaluate.report.table import CAR, CLEAN, clean_lines, lines, lost_of, table_notes
 from advpipe.stages.evaluate.report.wording import ABOUT_BASELINES, OVERLAPS, WHITE_BOX
 
-COLUMNS = ("attack", "mAP", "ratio %", "95 %", "car AP", "CD m²", "points", "lost")
+COLUMNS = ("attack", "mAP", "ratio %", "95 %", "loose ratio %", "CD m²", "points", "lost")
 """The columns of the page's table of attacks that fit into 80 characters."""
 
 INTERVAL = "95 %"
@@ -30,7 +30,10 @@ INTERVAL = "95 %"
 MIN_TITLE = 16
 
 SHORT_BASELINES = "The baseline to beat is random-best; the other random baselines are one draw each."
-SHORT_WHITE_BOX = "The attacker knows the true boxes and the detector's weights."
+SHORT_WHITE_BOX = (
+    "The attacker knows the detector, the true boxes (with --truth detections: what it finds in the clean "
+    "cloud), and the rule that matches detections to them."
+)
 
 
 def print_report(report: Report) -> None:

@@ -24,8 +24,9 @@ ABOUT_BASELINES = (
 
 WHITE_BOX = (
     "The attacker knows more than the detector's weights: LiDAR attacks are given the true boxes, or, with "
-    "--truth detections, what the detector finds in the clean cloud; and recipes best, robust and "
-    "random-best also the rule that matches detections to them."
+    "--truth detections, what the detector finds in the clean cloud; and recipes that judge their tries "
+    "(best, hide, robust, stealthy, transfer and random-best) also the rule that matches detections to them. "
+    "The recipes score-based and decision-based know none of this, only what the detector answers."
 )
 
 OVERLAPS = "3D IoU of cars and trucks 0.7 (strict) or 0.5 (loose), of people and two-wheelers 0.5 or 0.25"

@@ -14,6 +14,7 @@ from advpipe.pipeline.campaigns.sweep.budgets import TABLES, budget_named
 from advpipe.pipeline.campaigns.sweep.cell import Cell
 from advpipe.pipeline.campaigns.sweep.compare import cell_differences
 from advpipe.pipeline.campaigns.sweep.curves import PAPER, curve_points, draw_convergence
+from advpipe.pipeline.campaigns.sweep.loose_tables import hidden_table, loose_table
 from advpipe.pipeline.campaigns.sweep.panels import median_frame
 from advpipe.pipeline.campaigns.sweep.tables import (
     NOT_RUN,
@@ -21,7 +22,6 @@ from advpipe.pipeline.campaigns.sweep.tables import (
     below_paper,
     budget_table,
     convergence_table,
-    loose_table,
     recipes_of,
     records,
     seeds_table,
@@ -165,8 +165,21 @@ def test_other_numbers_of_steps_are_laid_beside():
 
 
 def test_loose_overlap_is_laid_beside():
-    (line,) = loose_table([cell("perturb-10", 40.0, lost=(1, 2, 0))]).lines
-    assert line == ("best-perturb-10", "40.00", "70.00", "97.00", "3", "9", "0.25")
+    one = cell("perturb-10", 40.0, lost=(1, 2, 0))
+    (line,) = loose_table([one]).lines
+    assert line == ("best-perturb-10", "40.00", "70.00", "97.00", "-27.00", "–", "3", "9", "0.25")
+    drawn = replace(one, other_draws={"loose": [60.0] * 50, "random_best_loose": [80.0, 90.0] * 25})
+    assert loose_table([drawn]).lines[0][4:6] == ("-27.00", "-30.0…-20.0")
+
+
+def test_hide_is_paired_with_best():
+    """Where both were drawn together."""
+    best = replace(cell("perturb-10", 10.0), other_draws={"loose": [40.0] * 50})
+    hide = replace(cell("perturb-10", 5.0, "hide"), other_draws={"loose": [30.0, 32.0] * 25})
+    (line,) = hidden_table([best, hide, cell("detach-1", 5.0, "hide")]).lines
+    assert line == ("perturb-10", "40.00", "35.00", "-5.00", "-10.0…-8.0")
+    other = replace(hide, settings=replace(SETTINGS, seed=4))
+    assert hidden_table([best, other]).lines[0][-1] == "–"
 
 
 def test_unknown_variants_are_named():

@@ -1,0 +1,33 @@
+"""The tables of measured attacks in README.md and docs/results.md are those of the committed cells."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs"))
+
+import make_results  # noqa: E402
+
+
+@pytest.mark.parametrize("page", make_results.PAGES, ids=lambda page: page.name)
+def test_tables_are_made_from_the_cells(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert len(make_results.BLOCK.findall(text)) == text.count("<!-- results: ") > 0
+    assert make_results.with_tables(text) == text
+
+
+@pytest.mark.parametrize("name", ["attacks", "short"])
+def test_a_table_has_the_figures_of_a_cell(name: str) -> None:
+    cells = make_results.Store(make_results.REPORTS / "town06").cells()
+    (cell,) = [cell for cell in cells if cell.name == "best-detach-1"]
+    head, *lines = make_results.TABLES[name]([cell])
+    (line,) = [dict(zip(head, line, strict=True)) for line in lines if "`best`" in line]
+    low, high = cell.attacked.map_ratio_ci95 or (0.0, 0.0)
+    assert line["strict, %"] == f"{cell.attacked.map_ratio_percent:.1f} ({low:.1f}…{high:.1f})"
+    success = cell.listed["attack_success"]
+    (lost,) = [each for each in success if (each["condition"], each["range"]) == ("adv", "all")]
+    assert line["lost strictly, %"] == f"{100 * lost['strict_lost'] / lost['strict_found_clean']:.0f}"
