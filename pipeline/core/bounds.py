@@ -1,6 +1,7 @@
 """The bounds of numbers in the scenario file, with their reasons: one type for each quantity.
 
-A key may narrow the bounds of its type. `size.py` bounds what several keys cost together.
+A key may add bounds that its type lacks; a bound of the type hides the key's own. `size.py` bounds what
+several keys cost together.
 """
 
 from __future__ import annotations
@@ -64,6 +65,9 @@ CorrelationTimeS = Annotated[Number, Field(ge=0.001, le=1e6)]
 
 DriveTimeS = Annotated[Number, Field(ge=0.001, le=1e6)]
 """A time within a drive: from 1 ms, SUMO's resolution, to eleven days."""
+
+StepS = Annotated[Number, Field(ge=0.001, le=1)]
+"""A step of the clock: CAMs are sent once a second at least."""
 
 ShareOfSome = Annotated[Probability, Field(ge=1e-6)]
 """A share or probability above zero: below one in a million, nothing happens in any drive."""

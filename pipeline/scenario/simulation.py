@@ -6,7 +6,7 @@ from datetime import datetime, timezone
 
 from pydantic import Field, model_validator
 
-from advpipe.pipeline.core.bounds import DriveTimeS
+from advpipe.pipeline.core.bounds import DriveTimeS, StepS
 from advpipe.pipeline.core.section import NotNegative, Section, Whole
 
 
@@ -17,9 +17,7 @@ class Simulation(Section):
         1, ge=0, lt=2**63, description="seed from which every random draw of the drive derives"
     )
     duration_s: DriveTimeS = Field(20.0, description="length of the recording in simulated seconds")
-    step_s: DriveTimeS = Field(
-        0.1, le=1.0, description="step of the V2X clock, which traffic and sensors follow"
-    )
+    step_s: StepS = Field(0.1, description="step of the V2X clock, which traffic and sensors follow")
     warmup_s: NotNegative = Field(
         15.0, le=86_400, description="time that is simulated before the recording starts"
     )

@@ -61,7 +61,7 @@ class RadarSensor(MountedSection):
     detection_range_m: Number = Field(
         90.0, ge=1, le=2000, description="range at which a target of 10 m² is detected with probability 0.9"
     )
-    false_alarm_probability: Probability = Field(
+    false_alarm_probability: Number = Field(
         1e-6, ge=1e-12, le=0.1, description="of each cell of the range-Doppler map, which sets the threshold"
     )
     cfar_cells: Whole = Field(

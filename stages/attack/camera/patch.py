@@ -164,7 +164,9 @@ class CameraPatch(CameraAttack):
                 for each in options:
                     if _in_image(image, known, drive.light, each, (1, 1)) is not None:
                         return each
-        what = "a road sign" if self.surface == SIGN else f"the rear of {self.target}"
+        what = f"the rear of {self.target}"
+        if self.surface == SIGN:
+            what = "a road sign that is upright, flat and near enough to fix a patch to it"
         raise UsageError(
             f"camera-patch: no image of {_topics(drives)} in the schedule shows {what}; "
             "choose another target, schedule or camera"

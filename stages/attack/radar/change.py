@@ -55,6 +55,8 @@ class RadarChange:
                 found = attacked.get(self._points.get(name, name))
                 if name in self.topics:
                     yield raw if found is None else replace(raw, cdr=found[name in self._points])
+        for schedule in self._scans.values():
+            schedule.refuse_unmet_targets()
 
     def write_labels(self, folder: Path) -> None:
         """Write radar_labels.parquet; see `labels.scans`."""

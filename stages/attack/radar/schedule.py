@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from advpipe.pipeline.bag.recorded_radars import RecordedRadar
-from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.errors import AdvpipeError, UsageError
+from advpipe.pipeline.core.nearest import known_names
 from advpipe.pipeline.core.seeding import named_generator
+from advpipe.pipeline.core.short_repr import short_repr
 from advpipe.pipeline.geometry.boxes import Boxes
 from advpipe.pipeline.labels.quantity import Range, excesses
 from advpipe.pipeline.labels.scan_quantities import SCAN_QUANTITIES, ScanChange
@@ -28,13 +30,28 @@ Row = dict[str, object]
 
 @dataclass
 class _ScheduledScanAttack:
-    """One attack, and the start of its current span of attacked scans."""
+    """One attack, and the start of its current span of attacked scans.
+
+    target: the id of the road user that it names, "" for none. met: those that were there, where it looked.
+    """
 
     spec: AttackSpec
+    target: str
     bounds: Mapping[str, Range]
     attacker: ScanAttacker
     is_active: Acting
     begin_ns: int | None = None
+    met: set[str] = field(default_factory=set)
+
+    def met_by(self, boxes: Callable[[], Boxes]) -> Callable[[], Boxes]:
+        """The same road users, which it remembers to have met."""
+
+        def remembered() -> Boxes:
+            found = boxes()
+            self.met.update(found.ids)
+            return found
+
+        return remembered
 
 
 @dataclass
@@ -93,7 +110,8 @@ class ScanAttackSchedule:
             names = ("attack", spec.type, spec.seed_name, recorded.scan_topic)
             attacker = attack.begin(named_generator(seed, *names))
             acts = acting_on_messages(spec, recording.start_ns, seed)
-            self._attacks.append(_ScheduledScanAttack(spec, attack.bounds, attacker, acts))
+            target = str(getattr(attack, "target", ""))
+            self._attacks.append(_ScheduledScanAttack(spec, target, attack.bounds, attacker, acts))
 
     def of(
         self, time_ns: int, returns: RadarReturns, boxes: Callable[[], Boxes]
@@ -109,11 +127,20 @@ class ScanAttackSchedule:
                 continue
             attack.begin_ns = time_ns if attack.begin_ns is None else attack.begin_ns
             elapsed_s = (time_ns - attack.begin_ns) / 1e9
-            context = ScanContext(self.recorded.radar, elapsed_s, boxes)
+            context = ScanContext(self.recorded.radar, elapsed_s, attack.met_by(boxes))
             change = touched.apply(attack.spec.type, attack.attacker(touched.returns, context))
             for excess in excesses(change, attack.bounds, SCAN_QUANTITIES):
                 raise AdvpipeError(f"{attack.spec.type} went beyond its bounds: {excess}")
         return touched.returns, list(_rows(returns, touched))
+
+    def refuse_unmet_targets(self) -> None:
+        """To be called after the last scan. Raises UsageError for a target that was in none of them."""
+        for attack in self._attacks:
+            if attack.target and attack.target not in attack.met:
+                raise UsageError(
+                    f"{attack.spec.type}: no attacked scan of {self.recorded.scan_topic} has a road user "
+                    f"{short_repr(attack.target)}; {known_names(attack.target, sorted(attack.met))}"
+                )
 
 
 def _rows(clean: RadarReturns, touched: _Touched) -> Iterator[Row]:

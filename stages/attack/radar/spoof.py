@@ -28,7 +28,8 @@ class RadarSpoof(RadarAttack):
     """Adds the returns of a forged car, whose range and Doppler agree (the false positives of Hunt et al.,
     MadRadar, NDSS 2024; Komissarov and Wool, Spoofing attacks against vehicular FMCW radar, 2021).
 
-    range_m: of the forged car at the first attacked scan. azimuth_deg: where it appears; positive is left.
+    range_m: of the forged car at the first attacked scan. azimuth_deg: where it appears, from the axis of the
+    radar; positive is left. Several radars that look elsewhere each get a car of their own: name one.
     closing_mps: how fast it comes nearer; it stops at 2 m. rcs_dbsm: as what it appears; 10 is the rear of a
     car. returns: at most so many points of its rear; those that the radar's threshold and resolution leave
     are added. radar: the name of the attacked one; all of the victim without a name.

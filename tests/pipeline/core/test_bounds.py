@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
 
 from advpipe.pipeline.core.errors import AdvpipeError
+from advpipe.pipeline.core.section import Section
 from advpipe.pipeline.scenario import load_scenario, shipped_scenarios
 from advpipe.pipeline.scenario.schema import scenario_schema
 
@@ -43,7 +46,24 @@ def test_every_number_is_bounded_on_both_sides() -> None:
         assert node.get("exclusiveMinimum") != 0 or node.get("minimum", 0) > 0, place
 
 
+def sections(kind: type[BaseModel] = Section) -> Iterator[type[BaseModel]]:
+    for each in kind.__subclasses__():
+        yield each
+        yield from sections(each)
+
+
+def test_no_bound_hides_another() -> None:
+    """Of two bounds of a field, pydantic keeps its type's, not the narrower one of the key."""
+    assert len(set(sections())) > 20
+    for section in sections():
+        for name, field in section.model_fields.items():
+            bounds = [each for each in field.metadata if isinstance(each, Ge | Gt | Le | Lt)]
+            assert len({type(each) for each in bounds}) == len(set(bounds)), (section, name)
+
+
 ODD = {
+    "simulation.step_s=2": "step_s: .*less than or equal to 1, not 2",
+    "sensors.radars={r: {false_alarm_probability: 0}}": r"false_alarm_probability: .*equal to 0\.0+1, not 0",
     "sensors.lidars.lidar.x_m=1e30": r"x_m: .*less than or equal to 20, not 1e\+30",
     "sensors.lidars.lidar.range=1e-300": "range: .*greater than or equal to 1, not 1e-300",
     "environment.objects=[{mesh: a.ply, x_m: 1e30}]": r"objects\[0\]\.x_m: .*less than or equal to 100000",

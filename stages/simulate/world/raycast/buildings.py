@@ -98,4 +98,4 @@ def shed(rng: np.random.Generator) -> Mesh:
         *([(s, -y, -0.3), (s, y, -0.3), (s, y, high), (s, -y, low)] for s in (-x, x)),
     ]
     lid = [[(-1.15, -1.4, low), (1.15, -1.4, low), (1.15, 1.4, high + 0.05), (-1.15, 1.4, high + 0.05)]]
-    return merge([quads(walls, "fence"), quads(lid, "roof_tile")])
+    return merge([quads(walls, "planks"), quads(lid, "roof_tile")])

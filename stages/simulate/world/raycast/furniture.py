@@ -53,8 +53,8 @@ def traffic_light(rng: np.random.Generator) -> Mesh:
     """A traffic signal: a head on the post, and often another on an arm over the road."""
     head = merge(
         [
-            box_mesh((0.22, 0.3, 0.9), "plastic"),
-            box_mesh((0.02, 0.56, 1.1), "plastic").moved(0.12, 0, -0.1),
+            box_mesh((0.22, 0.3, 0.9), "signal_head"),
+            box_mesh((0.02, 0.56, 1.1), "signal_head").moved(0.12, 0, -0.1),
         ]
     )
     parts = [tube((0, 0, -0.3), (0, 0, 3.4), 0.07, "steel", 8), head.moved(-0.15, 0, 2.3)]
@@ -89,7 +89,7 @@ def container(rng: np.random.Generator) -> Mesh:
     """A switch cabinet or a skip, some of a car's size: hard negatives for detectors of cars."""
     if rng.random() < 0.5:
         return box_mesh((rng.uniform(0.4, 1.2), rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.6)), "bin")
-    return box_mesh((rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9)), "rail")
+    return box_mesh((rng.uniform(1.2, 4.5), rng.uniform(1.0, 1.9), rng.uniform(1.1, 1.9)), "skip")
 
 
 def shelter(rng: np.random.Generator) -> Mesh:

@@ -95,6 +95,10 @@ _MATERIALS = {
     "paint_silver": Material(0.45, "vehicle", colour="#b4b8bc", specular=0.05),
     "paint_yellow": Material(0.60, "vehicle", colour="#d9a916", specular=0.05),
     "paint_white": Material(0.75, "vehicle", colour="#eceeee", specular=0.05),
+    # As plastic, fence and rail above, but for CARLA's tags.
+    "signal_head": Material(0.12, "vehicle", colour="#242628", specular=0.02),
+    "planks": Material(0.42, "barrier", colour="#8d7357", texture="bark"),
+    "skip": Material(0.45, "barrier", colour="#9ea4a8", specular=0.06),
 }
 
 MATERIALS = {name: material.reflectivity for name, material in _MATERIALS.items()}

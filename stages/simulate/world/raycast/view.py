@@ -48,7 +48,16 @@ _TAG_OF_CLASS = {
 """CARLA's tags of what stands beside the road."""
 
 _STATIC_TAGS = np.array([TAG[_TAG_OF_CLASS[SEMANTIC_CLASSES[each]]] for each in SEMANTIC], np.uint8)
-_STATIC_TAGS[MATERIAL_ID["rail"]] = TAG["GuardRail"]
+_TAG_OF_MATERIAL = {
+    "rail": "GuardRail",
+    "fence": "Fence",
+    "fence_metal": "Fence",
+    "signal_head": "TrafficLight",
+    "planks": "Building",
+    "skip": "Static",
+}
+for _name, _tag in _TAG_OF_MATERIAL.items():
+    _STATIC_TAGS[MATERIAL_ID[_name]] = TAG[_tag]
 _IS_THIN = np.array([texture == "leaves" for texture in TEXTURE])
 _IS_FINE = np.array([name in ("sign", "plate", "lamp") for name in MATERIAL_ID])
 _BODY, _SKY = 254, 255

@@ -248,6 +248,10 @@ def test_two_attacks_act_one_after_the_other(radar_drive: Path, tmp_path: Path) 
             "ego has no radar 'frnt'; did you mean 'front'",
         ),
         ({"type": "radar-delete", "victim": "bus"}, "bus has no radar in"),
+        (
+            {"type": "radar-delete", "parameters": {"target": "nobody"}},
+            "no attacked scan of /ego/front/scan has a road user 'nobody'",
+        ),
         ({"type": "radar-jam", "recipe": "best"}, "radar-jam has no use for recipe"),
         ({"type": "radar-jam", "schedule": {"from_s": 50}}, "begins at 50 s, but the recording ends"),
         (
@@ -261,6 +265,7 @@ def test_mistakes_are_one_line(keys: dict[str, Any], what: str, radar_drive: Pat
         attack(radar_drive / "clean", tmp_path / "out", AttackRequest((AttackSpec.model_validate(keys),)))
     assert what in str(error.value)
     assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_bag_without_radars_is_refused(clean_bag: Path, tmp_path: Path) -> None:

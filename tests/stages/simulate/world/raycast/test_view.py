@@ -16,6 +16,8 @@ from advpipe.stages.simulate.traffic.road_users import RoadUser
 from advpipe.stages.simulate.world.raycast import materials
 from advpipe.stages.simulate.world.raycast.body_look import BodyLook, UserTraits, body_tag
 from advpipe.stages.simulate.world.raycast.body_meshes import body_meshes
+from advpipe.stages.simulate.world.raycast.enclosures import enclosure
+from advpipe.stages.simulate.world.raycast.furniture import traffic_light
 from advpipe.stages.simulate.world.raycast.instanced_bodies import InstancedBodies
 from advpipe.stages.simulate.world.raycast.mesh import box_mesh, merge, surface
 from advpipe.stages.simulate.world.raycast.scene import Scene
@@ -136,6 +138,25 @@ def test_two_pedestrians_wear_different_clothes() -> None:
 def test_tags_of_bodies_are_carlas() -> None:
     tags = {name: body_tag(BODIES[name]) for name in ("suv", "van", "bus", "motorcycle", "bicycle", "child")}
     assert tags == {"suv": 14, "van": 15, "bus": 16, "motorcycle": 18, "bicycle": 19, "child": 12}
+
+
+def test_tags_of_what_stands_beside_the_road_are_carlas() -> None:
+    """A signal's head, a fence, a shed of planks, a guard rail, a skip and a post."""
+    rng = np.random.default_rng(0)
+    wanted = ["TrafficLight", "Fence", "Building", "GuardRail", "Static", "Pole"]
+    made = ["signal_head", "fence", "planks", "rail", "skip", "steel"]
+    boxes = [box_mesh((0.3, 1.0, 3.0), name).moved(10, 4 * place, 0) for place, name in enumerate(made)]
+    static = merge([GROUND, *boxes])
+    bodies = InstancedBodies(VARIANTS, MESHES)
+    look = StaticLook(static, [], rng)
+    seen = Viewer(Scene(static), look, bodies, BodyLook([MESHES[name] for name in VARIANTS])).surfaces(
+        rays_to([(10.0, 4.0 * place, 1.5) for place in range(len(made))]), [], 1e-3
+    )
+    tags = np.zeros(len(made), np.uint8)
+    tags[seen.rays] = seen.tags
+    assert tags.tolist() == [TAG[name] for name in wanted]
+    assert materials.MATERIAL_ID["signal_head"] in traffic_light(rng).materials
+    assert materials.MATERIAL_ID["fence"] in enclosure("picket", 5.0, rng).materials
 
 
 def test_road_users_move_on() -> None:
