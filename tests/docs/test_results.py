@@ -31,3 +31,17 @@ def test_a_table_has_the_figures_of_a_cell(name: str) -> None:
     success = cell.listed["attack_success"]
     (lost,) = [each for each in success if (each["condition"], each["range"]) == ("adv", "all")]
     assert line["lost strictly, %"] == f"{100 * lost['strict_lost'] / lost['strict_found_clean']:.0f}"
+
+
+def test_robust_is_stronger_than_chance_under_every_defence() -> None:
+    """As the page says: at all budgets, by more than the paired interval."""
+    cells = make_results.Store(make_results.REPORTS / "town06").cells()
+    robust = [cell for cell in cells if cell.recipe == "robust"]
+    assert len(robust) == 3
+    records = [each for cell in robust for each in cell.listed["defences"]]
+    assert len(records) == 3 * 7
+    assert all(each["significant_vs_random_best"] for each in records)
+    of_best = [each for cell in cells if cell.recipe == "best" for each in cell.listed["defences"]]
+    assert [
+        each["defence"].partition(":")[0] for each in of_best if not each["significant_vs_random_best"]
+    ] == ["quantise", "jitter", "shift"]
