@@ -32,6 +32,7 @@ RECIPES = ("best", "hide", "robust", "stealthy", "paper", "paper+weighted")
 """In the order of tables."""
 
 Lines = Iterator[Sequence[str]]
+Text = Callable[[Mapping[str, Any]], str]
 
 
 def attacks_table(cells: Sequence[Cell]) -> Lines:
@@ -88,30 +89,37 @@ def hidden_table(cells: Sequence[Cell]) -> Lines:
 
 def defences_table(cells: Sequence[Cell]) -> Lines:
     """What is left of the mAP of clean clouds, both under a defence, and the difference to random-best."""
-    defended = [cell for cell in cells if cell.listed.get("defences")]
-    names = list(dict.fromkeys(each["defence"] for cell in defended for each in cell.listed["defences"]))
-    yield "attack", "recipe", *(f"`{name}`" for name in names)
-    kept = {each["defence"]: each for cell in defended[:1] for each in cell.listed["defences"]}
-    yield "clean clouds", "kept", *(f"{kept[name]['clean_map_kept_percent']:.1f}" for name in names)
-    for budget in _budgets(defended):
-        for place, (recipe, cell) in enumerate(_by_recipe(defended, budget).items()):
-            by_name = {each["defence"]: each for each in cell.listed["defences"]}
-            title = "" if place else _title(budget)
-            yield title, f"`{recipe}`", *(_under_defence(by_name[name]) for name in names)
+    return _listed_lines(
+        *(cells, "defences", "defence", "kept"),
+        lambda record: f"{record['clean_map_kept_percent']:.1f}",
+        _under_defence,
+    )
 
 
 def checks_table(cells: Sequence[Cell]) -> Lines:
     """Which clouds attack checks detect."""
-    checked = [cell for cell in cells if cell.listed.get("attack_detection")]
-    names = list(dict.fromkeys(each["check"] for cell in checked for each in cell.listed["attack_detection"]))
-    yield "attack", "recipe", *(f"`{name}`" for name in names)
-    quiet = {each["check"]: each for cell in checked[:1] for each in cell.listed["attack_detection"]}
-    yield "clean clouds", "false alarms", *(f"{quiet[name]['false_positive_percent']:.0f}" for name in names)
-    for budget in _budgets(checked):
-        for place, (recipe, cell) in enumerate(_by_recipe(checked, budget).items()):
-            by_name = {each["check"]: each for each in cell.listed["attack_detection"]}
+    return _listed_lines(
+        *(cells, "attack_detection", "check", "false alarms"),
+        lambda record: f"{record['false_positive_percent']:.0f}",
+        lambda record: f"{record['true_positive_percent']:.0f}",
+    )
+
+
+def _listed_lines(
+    cells: Sequence[Cell], key: str, name: str, about_clean: str, of_clean: Text, of_attacked: Text
+) -> Lines:
+    """A column for each record that cells list under `key`, called by its `name`: a line of the clean clouds,
+    which all cells share, and one for each attack and recipe."""
+    held = [cell for cell in cells if cell.listed.get(key)]
+    by_name = {cell.name: {each[name]: each for each in cell.listed[key]} for cell in held}
+    names = list(dict.fromkeys(each for records in by_name.values() for each in records))
+    yield "attack", "recipe", *(f"`{each}`" for each in names)
+    clean = by_name[held[0].name]
+    yield "clean clouds", about_clean, *(of_clean(clean[each]) for each in names)
+    for budget in _budgets(held):
+        for place, (recipe, cell) in enumerate(_by_recipe(held, budget).items()):
             title = "" if place else _title(budget)
-            yield title, f"`{recipe}`", *(f"{by_name[each]['true_positive_percent']:.0f}" for each in names)
+            yield title, f"`{recipe}`", *(of_attacked(by_name[cell.name][each]) for each in names)
 
 
 def ranges_table(cells: Sequence[Cell]) -> Lines:
