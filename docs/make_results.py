@@ -14,13 +14,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from advpipe.pipeline.campaigns.sweep.budgets import TABLE_ONE, budget_named
 from advpipe.pipeline.campaigns.sweep.cell import Cell
+from advpipe.pipeline.campaigns.sweep.draws import Draws, paired_interval
 from advpipe.pipeline.campaigns.sweep.store import Store
 from advpipe.pipeline.campaigns.sweep.variants import by_seeds, by_steps, steps_factor
-from advpipe.pipeline.metrics.bootstrap import percentile_interval
 from advpipe.pipeline.results.row import RANDOM_BEST
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,14 +74,13 @@ def hidden_table(cells: Sequence[Cell]) -> Lines:
         if "hide" in mine and "best" in mine:
             best, hide = mine["best"], mine["hide"]
             points = hide.attacked.map_loose_ratio_percent - best.attacked.map_loose_ratio_percent
-            draws = _draws(hide, "loose") - _draws(best, "loose")
             yield (
                 _title(budget),
                 *(
                     _with(each.attacked.map_loose_ratio_percent, each.attacked.map_loose_ratio_ci95)
                     for each in (best, hide)
                 ),
-                _with(points, percentile_interval(draws), "+"),
+                _with(points, paired_interval(_draws(best, "loose"), _draws(hide, "loose")), "+"),
             )
 
 
@@ -167,7 +164,7 @@ def convergence_table(cells: Sequence[Cell]) -> Lines:
                     if after is None
                     else _with(
                         getattr(after.attacked, f"{ratio}_percent") - here,
-                        percentile_interval(_draws(after, key) - _draws(cell, key)),
+                        paired_interval(_draws(cell, key), _draws(after, key)),
                         "+",
                     )
                 )
@@ -243,13 +240,13 @@ def _line(cell: Cell) -> tuple[str, ...]:
     attacked, row = cell.attacked, cell.row
     random = row.baselines[RANDOM_BEST]
     loose = attacked.map_loose_ratio_percent - random.metrics.map_loose_ratio_percent
-    loose_draws = _draws(cell, "loose") - _draws(cell, "random_best_loose")
+    loose_bounds = paired_interval(_draws(cell, "random_best_loose"), _draws(cell, "loose"))
     lost = _success(cell, "adv")["all"]
     return (
         _with(attacked.map_ratio_percent, attacked.map_ratio_ci95),
         _with(random.map_ratio_delta_points, random.map_ratio_delta_points_ci95, "+"),
         _with(attacked.map_loose_ratio_percent, attacked.map_loose_ratio_ci95),
-        _with(loose, percentile_interval(loose_draws), "+"),
+        _with(loose, loose_bounds, "+"),
         f"{lost['strict_attack_success_percent']:.0f}",
         f"{lost['attack_success_percent']:.0f}",
         _plain(attacked.chamfer_distance_m2),
@@ -290,9 +287,8 @@ def _under_defence(record: Mapping[str, Any]) -> str:
     return f"{record['map_ratio_percent']:.1f} [{_with(points, bounds and tuple(bounds), '+')}]"
 
 
-def _draws(cell: Cell, key: str) -> Any:
-    values = cell.map_ratio_draws if key == "strict" else cell.other_draws[key]
-    return np.array(values, np.float64)
+def _draws(cell: Cell, key: str) -> Draws:
+    return cell.map_ratio_draws if key == "strict" else cell.other_draws[key]
 
 
 def _with(value: float, bounds: tuple[float, float] | None, sign: str = "") -> str:
