@@ -91,7 +91,9 @@ def test_in_tests_it_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "test_it.py").write_text(TEST)
     (tmp_path / "some").mkdir()
     (tmp_path / "some" / "metadata.yaml").touch()
-    arguments = ["-m", "pytest", "-p", "no:dash", "-p", "no:cacheprovider"]
+    # With a folder of its own for temporary files: it would empty those of earlier runs, for a minute.
+    own = f"--basetemp={tmp_path / 'temporary'}"
+    arguments = ["-m", "pytest", "-p", "no:dash", "-p", "no:cacheprovider", own]
     done = subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert "an unexpected error" in done.stdout
     assert "ZeroDivisionError" in done.stdout
