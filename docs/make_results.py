@@ -1,4 +1,4 @@
-"""Writes the tables of measured attacks into docs/results.md and README.md, from cells in datasets/reports.
+"""Writes the tables of measured attacks into the README and pages of docs/, from cells in datasets/reports.
 
     python docs/make_results.py
 
@@ -22,7 +22,7 @@ from advpipe.pipeline.campaigns.sweep.variants import by_seeds, by_steps, steps_
 from advpipe.pipeline.results.row import RANDOM_BEST
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "docs" / "results.md", ROOT / "README.md")
+PAGES = (ROOT / "docs" / "results.md", ROOT / "docs" / "lidar-attacks.md", ROOT / "README.md")
 REPORTS = ROOT / "datasets" / "reports"
 BLOCK = re.compile(r"(<!-- results: (\S+) (\S+) -->\n).*?(<!-- end of results -->)", re.DOTALL)
 
@@ -119,6 +119,19 @@ def _listed_lines(
             yield title, f"`{recipe}`", *(of_attacked(by_name[cell.name][each]) for each in names)
 
 
+def stealth_table(cells: Sequence[Cell]) -> Lines:
+    """What `best` and `stealthy` leave, and how many clouds each check detects."""
+    mine = [cell for cell in cells if cell.recipe in ("best", "stealthy")]
+    head, clean, *lines = checks_table(mine)
+    yield *head[:2], "strict, %", "loose, %", *head[2:]
+    yield *clean[:2], "", "", *clean[2:]
+    in_order = (cell for budget in _budgets(mine) for cell in _by_recipe(mine, budget).values())
+    for cell, line in zip(in_order, lines, strict=True):
+        attacked = cell.attacked
+        strict = _with(attacked.map_ratio_percent, attacked.map_ratio_ci95)
+        yield *line[:2], strict, f"{attacked.map_loose_ratio_percent:.1f}", *line[2:]
+
+
 def ranges_table(cells: Sequence[Cell]) -> Lines:
     """Objects lost strictly, in percent of those found in the clean clouds, by range."""
     held = [cell for cell in cells if cell.listed.get("attack_success")]
@@ -178,6 +191,7 @@ TABLES: Mapping[str, Callable[[Sequence[Cell]], Lines]] = {
     "hidden": hidden_table,
     "defences": defences_table,
     "checks": checks_table,
+    "stealth": stealth_table,
     "ranges": ranges_table,
     "seeds": seeds_table,
     "convergence": convergence_table,

@@ -173,12 +173,15 @@ class BaselineMetrics:
     """A random baseline, and how many points of mAP ratio the attack costs beyond it, drawn together.
 
     is_significant: whether the interval of that difference lies below 0; None where there is no interval.
+    Both are of strict overlap; map_loose_...: the same difference at loose overlap, NaN in older reports.
     """
 
     metrics: CloudMetrics
     map_ratio_delta_points: float
     map_ratio_delta_points_ci95: Interval
     is_significant: bool | None
+    map_loose_ratio_delta_points: float = math.nan
+    map_loose_ratio_delta_points_ci95: Interval = None
 
 
 def metric_names(record: type) -> list[str]:

@@ -137,6 +137,10 @@ class DefendedMetrics:
     map_ratio_ci95: Annotated[Interval, "95 % interval of map_ratio_percent, in percent"]
     map_adv_percent: Annotated[float, "map_adv in percent of the mAP on clean clouds without the defence"]
     map_adv_percent_ci95: Annotated[Interval, "95 % interval of map_adv_percent, in percent"]
+    map_loose_ratio_percent: Annotated[
+        float, "loose mAP on attacked clouds in percent of that on clean clouds, both under the defence"
+    ]
+    map_loose_ratio_ci95: Annotated[Interval, "95 % interval of map_loose_ratio_percent, in percent"]
     precisions: Precisions
 
 
@@ -160,6 +164,18 @@ class DefendedBaseline:
     significant_vs_random_best: Annotated[
         bool | None, "whether that interval lies below 0; null with fewer than six blocks, or without one"
     ]
+    random_best_map_loose_ratio_percent: Annotated[
+        float, "loose mAP of random_best in percent of that on clean clouds, both under the defence"
+    ]
+    random_best_map_loose_ratio_ci95: Annotated[
+        Interval, "95 % interval of random_best_map_loose_ratio_percent, in percent"
+    ]
+    map_loose_ratio_delta_points_vs_random_best: Annotated[
+        float, "map_loose_ratio_percent minus random_best_map_loose_ratio_percent, in percentage points"
+    ]
+    map_loose_ratio_delta_points_vs_random_best_ci95: Annotated[
+        Interval, "95 % interval of that difference, drawn together, in percentage points"
+    ]
 
 
 @dataclass(frozen=True)
@@ -176,6 +192,9 @@ class DefenceRecord(_OfAttack):
         float, "map_clean in percent of the mAP on clean clouds without the defence"
     ]
     clean_map_kept_ci95: Annotated[Interval, "95 % interval of clean_map_kept_percent, in percent"]
+    clean_map_loose_kept_percent: Annotated[
+        float, "loose mAP on clean clouds under the defence in percent of that without it"
+    ]
     clean_precisions: Precisions
     attacked: DefendedMetrics | None
     baseline: DefendedBaseline | None
@@ -208,6 +227,14 @@ class BaselineRecord(_OfAttack):
     ]
     significant: Annotated[
         bool | None, "whether that interval lies below 0; null with fewer than six blocks, or without one"
+    ]
+    map_loose_ratio_percent: Annotated[float, "the baseline's loose mAP in percent of the clean one"]
+    map_loose_ratio_ci95: Annotated[Interval, "95 % interval of map_loose_ratio_percent, in percent"]
+    loose_delta_points: Annotated[
+        float, "the attack's loose mAP ratio minus the baseline's, in percentage points"
+    ]
+    loose_delta_points_ci95: Annotated[
+        Interval, "95 % interval of loose_delta_points, drawn together, in percentage points"
     ]
 
 

@@ -120,11 +120,17 @@ class ResultRow:
         row |= self.attacked.record() if self.attacked else undefined_record(CloudMetrics, known)
         row |= asdict(self.recounted) if self.recounted else undefined_record(RecountedMetrics)
         row |= {f"{PLAIN_BASELINE}_{key}": None for key in undefined_record(CloudMetrics, known)}
-        row |= {f"map_ratio_delta_points_vs_{PLAIN_BASELINE}{end}": None for end in ("", "_ci95")}
+        row |= {
+            f"map_{kind}ratio_delta_points_vs_{PLAIN_BASELINE}{end}": None
+            for kind in ("", "loose_")
+            for end in ("", "_ci95")
+        }
         for name, baseline in self.baselines.items():
             row |= {f"{name}_{key}": value for key, value in baseline.metrics.record().items()}
             row[f"map_ratio_delta_points_vs_{name}"] = baseline.map_ratio_delta_points
             row[f"map_ratio_delta_points_vs_{name}_ci95"] = baseline.map_ratio_delta_points_ci95
+            row[f"map_loose_ratio_delta_points_vs_{name}"] = baseline.map_loose_ratio_delta_points
+            row[f"map_loose_ratio_delta_points_vs_{name}_ci95"] = baseline.map_loose_ratio_delta_points_ci95
             row[f"significant_vs_{name}"] = baseline.is_significant
         return row | {
             "baselines": list(self.baselines),

@@ -43,7 +43,6 @@ _CLASS = f"({'|'.join(CLASSES)})"
 _CRITERION = f"({'|'.join(CRITERIA[1:])})"
 
 _PRECISION = "average precision (R40)"
-_DELTA = "the attack's mAP ratio minus the baseline's, in percentage points"
 
 Schema = dict[str, Any]
 
@@ -132,10 +131,11 @@ def _row() -> Schema:
             {"type": "string"},
             "why the strict mAP ratios are not meaningful, and null; absent where they are meaningful",
         ),
-        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}": _described(NUMBER, _DELTA),
-        f"map_ratio_delta_points_vs_{PLAIN_BASELINE}_ci95": _described(
-            INTERVAL, f"95 % interval of: {_DELTA}"
-        ),
+        **{
+            f"map_{kind}ratio_delta_points_vs_{PLAIN_BASELINE}{end}": value
+            for kind in ("", "loose_")
+            for end, value in _delta(kind).items()
+        },
         "baselines": _list({"type": "string", "pattern": f"^{_BASELINE}$"}, "names of the scored baselines"),
         "significant_vs_random": _described(
             {"type": ["boolean", "null"]},
@@ -162,11 +162,14 @@ def _row() -> Schema:
             f"^{_BASELINE}_{key}$": _or_null(_described(value, f"random baseline: {value['description']}"))
             for key, value in metrics.items()
         },
-        f"^map_ratio_delta_points_vs_{_BASELINE}$": _described(NUMBER, _DELTA),
-        f"^map_ratio_delta_points_vs_{_BASELINE}_ci95$": _described(INTERVAL, f"95 % interval of: {_DELTA}"),
+        **{
+            f"^map_{kind}ratio_delta_points_vs_{_BASELINE}{end}$": value
+            for kind in ("", "loose_")
+            for end, value in _delta(kind).items()
+        },
         f"^significant_vs_{_BASELINE}$": _described(
             {"type": ["boolean", "null"]},
-            "whether that interval lies below 0; null with fewer than six blocks, and without an interval",
+            "whether the strict interval lies below 0; null with fewer than six blocks, and without one",
         ),
     }
     return {
@@ -176,6 +179,15 @@ def _row() -> Schema:
         "patternProperties": patterns,
         "required": sorted(key for key in properties if key not in absent),
         "additionalProperties": False,
+    }
+
+
+def _delta(kind: str) -> dict[str, Schema]:
+    """A difference to a baseline and its interval, by what their keys end with."""
+    delta = f"the attack's {kind.replace('_', ' ')}mAP ratio minus the baseline's, in percentage points"
+    return {
+        "": _described(NUMBER, delta),
+        "_ci95": _described(INTERVAL, f"95 % interval of: {delta}"),
     }
 
 

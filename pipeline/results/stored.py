@@ -57,11 +57,14 @@ def _clean_means(stored: Stored, criterion: str) -> CleanMeans:
 
 
 def _baseline(stored: Stored, name: str) -> BaselineMetrics:
+    loose = f"map_loose_ratio_delta_points_vs_{name}"  # absent in older reports
     return BaselineMetrics(
         metrics=_cloud_metrics(stored, f"{name}_"),
         map_ratio_delta_points=_real(stored[f"map_ratio_delta_points_vs_{name}"]),
         map_ratio_delta_points_ci95=_interval(stored[f"map_ratio_delta_points_vs_{name}_ci95"]),
         is_significant=stored[f"significant_vs_{name}"],
+        map_loose_ratio_delta_points=_real(stored.get(loose)),
+        map_loose_ratio_delta_points_ci95=_interval(stored.get(f"{loose}_ci95")),
     )
 
 

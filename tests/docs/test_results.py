@@ -1,4 +1,4 @@
-"""The tables of measured attacks in README.md and docs/results.md are those of the committed cells."""
+"""The tables of measured attacks in the README and in docs/ are those of the committed cells."""
 
 from __future__ import annotations
 

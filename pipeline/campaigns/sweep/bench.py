@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from advpipe.pipeline.bag.reader import BagReader
 from advpipe.pipeline.campaigns.sweep.budgets import AXES, SweepBudget
 from advpipe.pipeline.campaigns.sweep.cell import Cell, Settings, Times
-from advpipe.pipeline.campaigns.sweep.scored import scored_cell
+from advpipe.pipeline.campaigns.sweep.scored import scored_cells
 from advpipe.pipeline.campaigns.sweep.variants import split_recipe, steps_factor, variant_parameters
 from advpipe.pipeline.core.errors import writing
 from advpipe.pipeline.core.partial import remove_output
@@ -67,28 +68,38 @@ class Bench:
         with writing(bag):
             attack(self.clean, bag, request, overwrite=bag.exists(), workers=self.workers)
 
-    def run(self, budget: SweepBudget, recipe: str, settings: Settings) -> tuple[Cell, Times]:
-        """Attack and evaluate one cell; also the time that each took."""
-        bag = self.out / "bags" / f"{recipe}-{budget.name}"
+    def run(
+        self, budget: SweepBudget, recipes: Sequence[str], settings: Settings
+    ) -> Iterator[tuple[Cell, Times]]:
+        """Attack and evaluate the cells of some recipes; also the time that each took.
+
+        They are evaluated together, which takes less time than one by one: they share clean clouds and, where
+        their budgets are alike, random-best.
+        """
+        bags = {recipe: self.out / "bags" / f"{recipe}-{budget.name}" for recipe in recipes}
+        plan_progress({**{f"attacking: {recipe}": 2 for recipe in recipes}, "evaluating": len(recipes)})
+        attack_s = {}
+        for recipe, bag in bags.items():
+            begin_s = time.perf_counter()
+            with working_on(f"attacking: {recipe}"):
+                self.attack(budget, recipe, settings, bag)
+            attack_s[recipe] = round(time.perf_counter() - begin_s, 1)
         begin_s = time.perf_counter()
-        plan_progress({"attacking": 2, "evaluating": 1})
-        with working_on("attacking"):
-            self.attack(budget, recipe, settings, bag)
-        attacked_s = time.perf_counter()
         with working_on("evaluating"):
-            cell = scored_cell(
+            cells = scored_cells(
                 self.clean,
-                bag,
+                bags,
                 budget.name,
-                recipe,
                 settings,
                 detector=self.detector,
                 workers=self.workers,
                 device=self.device,
             )
-        if not self.keep_bags:
-            self.tidy(bag)
-        return cell, Times(round(attacked_s - begin_s, 1), round(time.perf_counter() - attacked_s, 1))
+        share_s = round((time.perf_counter() - begin_s) / len(cells), 1)
+        for cell in cells:
+            yield cell, Times(attack_s[cell.recipe], share_s)
+            if not self.keep_bags:
+                self.tidy(bags[cell.recipe])
 
     def tidy(self, folder: Path) -> None:
         """Remove a bag, and its parent folder if that is empty then."""

@@ -33,7 +33,8 @@ def check_cells(
     for cell, budget in (stored[place] for place in sorted(drawn)):
         refuse_other_work(cell, bench.clean, bench.detector, bench.device)
         now = with_this_code(cell.settings)
-        found = cell_differences(cell, again.run(budget, cell.recipe, now)[0])
+        ((computed, _),) = again.run(budget, [cell.recipe], now)
+        found = cell_differences(cell, computed)
         same = "the same" if now == cell.settings else "the same, though other code of advpipe made it"
         print_result(f"{cell.name}: {'; '.join(found[:5]) or same}")
         checked.append(cell.name)

@@ -33,7 +33,8 @@ def listed_tables(cells: Sequence[Cell]) -> list[Table]:
             "Under defences: the mAP ratio is to clean clouds under the same defence",
             (
                 *("cell", "defence", "clean mAP kept %", "ratio %", "95 %", f"{RANDOM_BEST}: ratio %"),
-                *("Δ to it, points", "95 %", "significant", "frames"),
+                *("Δ to it, points", "95 %", "significant"),
+                *("loose ratio %", f"{RANDOM_BEST}: loose", "Δ to it, points", "95 %", "frames"),
             ),
             tuple(line for cell in cells for line in _defence_lines(cell)),
         ),
@@ -95,6 +96,10 @@ def _defence_lines(cell: Cell) -> Iterator[tuple[str, ...]]:
             formatted_number(each.get("map_ratio_delta_points_vs_random_best"), 2),
             _interval(each, "map_ratio_delta_points_vs_random_best_ci95"),
             ANSWER[each.get("significant_vs_random_best")],
+            formatted_number(each.get("map_loose_ratio_percent"), 2),
+            formatted_number(each.get("random_best_map_loose_ratio_percent"), 2),
+            formatted_number(each.get("map_loose_ratio_delta_points_vs_random_best"), 2),
+            _interval(each, "map_loose_ratio_delta_points_vs_random_best_ci95"),
             formatted_number(each["frames"], 0),
         )
 

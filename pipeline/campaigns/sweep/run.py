@@ -86,9 +86,11 @@ class Sweep:
     def run(self, overwrite: bool = False) -> SweepReport:
         """Run the cells that are missing, and write the report of all that the folder holds."""
         self.store.open(self.settings, list(self.recipes), overwrite)
-        missing = [cell for cell in self.places() if self.store.load(cell[0], cell[1].name) is None]
-        plan_progress({**{cell_name(*cell): 10.0 for cell in missing}, WRITING: 3})
-        new = [recipe for recipe, budget in self.places() if self._run_missing(recipe, budget)]
+        groups = self._missing()
+        plan_progress({**{_group_name(*group): 10.0 * len(group[1]) for group in groups}, WRITING: 3})
+        for budget, recipes in groups:
+            self._run_group(budget, recipes)
+        new = [recipe for _, recipes in groups for recipe in recipes]
         with working_on(WRITING):
             return self._write(new)
 
@@ -109,15 +111,21 @@ class Sweep:
         write_document(report.folder, done, shown, commands, pictures, report.warnings)
         return report
 
-    def _run_missing(self, recipe: str, budget: SweepBudget) -> bool:
-        if self.store.load(recipe, budget.name) is not None:
-            print_result(f"{cell_name(recipe, budget)}: kept")
-            return False
-        with working_on(cell_name(recipe, budget)):
-            cell, times = self.bench.run(budget, recipe, with_seed_of(recipe, self.settings))
-            self.store.save(cell, times)
-        print_result(_line(cell, budget, times))
-        return True
+    def _missing(self) -> list[tuple[SweepBudget, list[str]]]:
+        """The cells without results, by budget and seed: those of a group are evaluated together."""
+        groups: dict[tuple[str, int], tuple[SweepBudget, list[str]]] = {}
+        for recipe, budget in self.places():
+            if self.store.load(recipe, budget.name) is not None:
+                print_result(f"{cell_name(recipe, budget)}: kept")
+                continue
+            groups.setdefault((budget.name, seed_above(recipe)), (budget, []))[1].append(recipe)
+        return list(groups.values())
+
+    def _run_group(self, budget: SweepBudget, recipes: Sequence[str]) -> None:
+        with working_on(_group_name(budget, recipes)):
+            for cell, times in self.bench.run(budget, recipes, with_seed_of(recipes[0], self.settings)):
+                self.store.save(cell, times)
+                print_result(_line(cell, budget, times))
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,6 +166,10 @@ class SweepReport(Tabular):
 def cell_name(recipe: str, budget: SweepBudget) -> str:
     """The name of a cell that may not have been run yet."""
     return f"{recipe}-{budget.name}"
+
+
+def _group_name(budget: SweepBudget, recipes: Sequence[str]) -> str:
+    return f"{budget.name}: {', '.join(recipes)}"
 
 
 def _line(cell: Cell, budget: SweepBudget, times: Times) -> str:

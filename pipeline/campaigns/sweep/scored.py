@@ -1,9 +1,9 @@
-"""A cell's metrics: the same rows as in the report of `advpipe evaluate`, without its pictures."""
+"""Cells' metrics: the same rows as in the report of `advpipe evaluate`, without its pictures."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,22 +30,21 @@ from advpipe.stages.evaluate.options import Options
 DRAWS = 1000
 
 
-def scored_cell(
+def scored_cells(
     clean: Path,
-    bag: Path,
+    bags: Mapping[str, Path],
     budget: str,
-    recipe: str,
     settings: Settings,
     *,
     detector: str,
     workers: int | None = None,
     device: str = CPU,
-) -> Cell:
-    """Score an adversarial bag of these settings beside the clean one and random baselines."""
+) -> list[Cell]:
+    """Score adversarial bags of these settings, by recipe, beside the clean one and random baselines."""
     run = DetectionRun(
         detector,
         clean,
-        {bag: BagReader(bag).provenance},
+        {bag: BagReader(bag).provenance for bag in bags.values()},
         Options(
             detectors=(detector,),
             seed=settings.seed,
@@ -62,7 +61,14 @@ def scored_cell(
         ),
     )
     plan_progress({"detecting": 9, "metrics": 1})
-    (comparison,) = run.comparisons(workers)
+    comparisons = run.comparisons(workers)
+    return [
+        _cell(recipe, budget, bag, settings, comparison)
+        for (recipe, bag), comparison in zip(bags.items(), comparisons, strict=True)
+    ]
+
+
+def _cell(recipe: str, budget: str, bag: Path, settings: Settings, comparison: Comparison) -> Cell:
     summary = summarise(comparison, DRAWS, settings.seed)
     draws = dict(_draws(comparison, summary.result.counts.classes_in_map, settings.seed))
     return Cell(

@@ -104,7 +104,8 @@ class Perturb(LidarAttack):
     queries: how many detections the black-box recipes ask for.
     weight: lambda of the paper's dual loss, in loss units per square metre; only for "paper", which names a
         lambda and gives no value. At 0 points move by 8.7 cm (RMS, of 10 cm allowed), with the Chamfer
-        distance of the paper; at 0.01 by 2 mm, as steps have equal length for each point.
+        distance of the paper; at 0.01 by millimetres or a few centimetres, depending on the drive, as steps
+        have equal length for each point.
     along_ray, keep_occlusion_order, near_objects_m, goal, truth, objects, ghost, max_points, intensity: see
         `constraints.Constraints`. Points that are not finite stay as they are.
     """

@@ -7,7 +7,8 @@ chooses among them and allocates the budget as the attack does. The others are o
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -96,13 +97,15 @@ class RandomBaselines:
     """The baselines of one adversarial bag.
 
     detector: it chooses among the tries. tries: of `random_best`. seed: `random_best` draws as recipe
-    `random-best` of the attack does with this seed.
+    `random-best` of the attack does with this seed. drawn: the clouds of `random_best` of a frame that were
+    made before, by what they depend on.
     """
 
     provenance: Provenance
     detector: ObjectDetector
     tries: int
     seed: int
+    drawn: dict[Any, Cloud] = field(default_factory=dict)
 
     def clouds(
         self, clean: Cloud, boxes: Boxes, evaluated: Float64, budget: SpentBudget, index: int
@@ -111,6 +114,16 @@ class RandomBaselines:
 
         boxes: all true ones, which the attack knows. evaluated: (M, 7) those that count.
         """
+        yield RANDOM_BEST, self._random_best(clean, boxes, budget, index)
+        for name, baseline in BASELINES.items():
+            plain = baseline.budget(budget, clean)
+            if plain is None:
+                continue
+            rng = named_generator(self.seed, "evaluate", name, index)
+            pool = points_near_boxes(clean, evaluated) if baseline.is_near else np.ones(len(clean), bool)
+            yield name, random_change(clean, plain, pool, rng)
+
+    def _random_best(self, clean: Cloud, boxes: Boxes, budget: SpentBudget, index: int) -> Cloud:
         attack = self.provenance.get("attack", "")
         rng = named_generator(self.seed, "attack", attack, "random-best", index)
         spent = RandomBudget(
@@ -121,14 +134,9 @@ class RandomBaselines:
             bool(budget.intensity_changed),
         )
         constraints = attack_constraints(self.provenance)
-        yield (
-            RANDOM_BEST,
-            random_best(clean, boxes, self.detector, constraints, spent, tries=self.tries, rng=rng),
-        )
-        for name, baseline in BASELINES.items():
-            plain = baseline.budget(budget, clean)
-            if plain is None:
-                continue
-            rng = named_generator(self.seed, "evaluate", name, index)
-            pool = points_near_boxes(clean, evaluated) if baseline.is_near else np.ones(len(clean), bool)
-            yield name, random_change(clean, plain, pool, rng)
+        key = attack, spent, constraints, self.tries
+        if key not in self.drawn:
+            self.drawn[key] = random_best(
+                clean, boxes, self.detector, constraints, spent, tries=self.tries, rng=rng
+            )
+        return self.drawn[key]

@@ -61,6 +61,7 @@ class _Defended:
             map_clean_ci95=percentile_interval(clean.map_draws()),
             clean_map_kept_percent=map_ratio_percent(clean.mean_ap(), self.undefended),
             clean_map_kept_ci95=percentile_interval(ratio_draws(clean, self.undefended)),
+            clean_map_loose_kept_percent=map_ratio_percent(clean.mean_ap("loose"), self.undefended, "loose"),
             clean_precisions=precisions(clean),
             attacked=self._attacked(clean) if "adv" in self.by_condition else None,
             baseline=self._baseline(clean) if RANDOM_BEST in self.by_condition else None,
@@ -75,12 +76,15 @@ class _Defended:
             map_ratio_ci95=percentile_interval(ratio_draws(after, clean)),
             map_adv_percent=map_ratio_percent(after.mean_ap(), undefended),
             map_adv_percent_ci95=percentile_interval(ratio_draws(after, undefended)),
+            map_loose_ratio_percent=map_ratio_percent(after.mean_ap("loose"), clean, "loose"),
+            map_loose_ratio_ci95=percentile_interval(ratio_draws(after, clean, "loose")),
             precisions=precisions(after),
         )
 
     def _baseline(self, clean: ConditionMatches) -> DefendedBaseline:
         random = self.by_condition[RANDOM_BEST]
         points, bounds = difference(self.by_condition, RANDOM_BEST)
+        loose_points, loose_bounds = difference(self.by_condition, RANDOM_BEST, "loose")
         return DefendedBaseline(
             random_best_map_adv=random.mean_ap(),
             random_best_map_ratio_percent=map_ratio_percent(random.mean_ap(), clean),
@@ -88,4 +92,8 @@ class _Defended:
             map_ratio_delta_points_vs_random_best=points,
             map_ratio_delta_points_vs_random_best_ci95=bounds,
             significant_vs_random_best=is_below_0(bounds, clean.bootstrap),
+            random_best_map_loose_ratio_percent=map_ratio_percent(random.mean_ap("loose"), clean, "loose"),
+            random_best_map_loose_ratio_ci95=percentile_interval(ratio_draws(random, clean, "loose")),
+            map_loose_ratio_delta_points_vs_random_best=loose_points,
+            map_loose_ratio_delta_points_vs_random_best_ci95=loose_bounds,
         )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -170,9 +171,15 @@ class DetectionRun:
                     return [defended]
                 checked = checks.on_clean(frame.cloud, found.detections)
                 # What it finds in each adversarial cloud, and in clouds changed randomly as much.
+                drawn: dict[Any, Cloud] = {}
                 attacked = [
                     self._attacked(
-                        (detector, known), defended if here else clean, frame.cloud, version, provenance
+                        (detector, known),
+                        defended if here else clean,
+                        frame.cloud,
+                        version,
+                        provenance,
+                        drawn,
                     )
                     if version
                     else None
@@ -196,11 +203,13 @@ class DetectionRun:
         clean_cloud: Cloud,
         version: Frame,
         provenance: Provenance,
+        drawn: dict[Any, Cloud],
     ) -> FrameResult:
         """The result of a frame with an adversarial version of it and the random baselines.
 
         Where the clean cloud was scored under defences, so are the attacked one and that of random-best.
-        victims: the detector as it is scored, and as an attack knows it, in the clean cloud's frame.
+        victims: the detector as it is scored, and as an attack knows it, in the clean cloud's frame. drawn:
+        the clouds of random-best of the frame, which attacks of equal budgets have in common.
         """
         detector, known = victims
         truth, grid = clean.truth, known.voxel_grid if isinstance(known, VoxelDetector) else None
@@ -209,7 +218,7 @@ class DetectionRun:
         baselines, compared = {}, {"adv": version.cloud}
         if n_tries := self._baseline_tries(provenance):
             spent = SpentBudget.of(clean_cloud, version.cloud, change, provenance.parameters)
-            random = RandomBaselines(provenance, known, n_tries, self.options.seed)
+            random = RandomBaselines(provenance, known, n_tries, self.options.seed, drawn)
             evaluated = truth.boxes.geometry[truth.is_evaluated]
             with plugin_errors(user_class(known)):
                 clouds = dict(random.clouds(clean_cloud, truth.boxes, evaluated, spent, clean.index))

@@ -107,11 +107,14 @@ def recounted_metrics(
     )
 
 
-def difference(by_condition: Mapping[str, ConditionMatches], condition: str) -> tuple[float, Interval]:
+def difference(
+    by_condition: Mapping[str, ConditionMatches], condition: str, criterion: str = "strict"
+) -> tuple[float, Interval]:
     """The mAP ratio of the attack minus that of a baseline, in percentage points, with a paired interval."""
     clean, adversarial, baseline = by_condition["clean"], by_condition["adv"], by_condition[condition]
-    draws = ratio_draws(adversarial, clean) - ratio_draws(baseline, clean)
-    points = map_ratio_percent(adversarial.mean_ap() - baseline.mean_ap(), clean)
+    draws = ratio_draws(adversarial, clean, criterion) - ratio_draws(baseline, clean, criterion)
+    lost = adversarial.mean_ap(criterion) - baseline.mean_ap(criterion)
+    points = map_ratio_percent(lost, clean, criterion)
     return points, percentile_interval(draws)
 
 

@@ -92,16 +92,20 @@ def _metrics(scored: Scored, condition: str) -> CloudMetrics:
 
 
 def _baseline(scored: Scored, condition: str) -> BaselineMetrics:
-    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0.
+    """A random baseline; the attack is significantly stronger if the 95 % interval of Δ is below 0, at strict
+    overlap.
 
     With fewer than `MIN_BLOCKS` blocks, whose interval no table shows, nothing is said of significance.
     """
     points, bounds = difference(scored.by_condition, condition)
+    loose_points, loose_bounds = difference(scored.by_condition, condition, "loose")
     return BaselineMetrics(
         metrics=_metrics(scored, condition),
         map_ratio_delta_points=points,
         map_ratio_delta_points_ci95=bounds,
         is_significant=is_below_0(bounds, scored.bootstrap),
+        map_loose_ratio_delta_points=loose_points,
+        map_loose_ratio_delta_points_ci95=loose_bounds,
     )
 
 

@@ -90,7 +90,7 @@ DEFINITIONS = (
         "significant_vs_random",
         "the 95 % interval of the paired difference of mAP ratios to random-best lies below 0; with fewer "
         "than six blocks no interval is shown, and nothing is said of significance",
-        ("significant_vs_random", "map_ratio_delta_points_vs_*"),
+        ("significant_vs_random", "map_ratio_delta_points_vs_*", "map_loose_ratio_delta_points_vs_*"),
         title="Significance against random baselines",
     ),
     Formula(

@@ -201,6 +201,18 @@ def test_two_seeds(clean: Path, tmp_path: Path) -> None:
     assert all("--seed 3" in line for line in commands)
 
 
+def test_recipes_evaluated_together_have_the_figures_of_each_alone(clean: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(clean, out, ["detach-1"], recipes="best,random-near", frames="::6", defences=["flip"])
+    together = {cell.recipe: cell for cell in Store(out).cells()}
+    assert list(together) == ["best", "random-near"]
+    assert not (out / "bags").exists()
+    for recipe, cell in together.items():
+        run(clean, tmp_path / recipe, ["detach-1"], recipes=recipe, frames="::6", defences=["flip"])
+        (alone,) = Store(tmp_path / recipe).cells()
+        assert alone == cell
+
+
 def test_defences_and_attack_checks(swept: Path, clean: Path, tmp_path: Path) -> None:
     """As `advpipe evaluate` has them, on all frames; recipes of a folder may differ in them."""
     out = tmp_path / "out"

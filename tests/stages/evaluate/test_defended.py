@@ -41,6 +41,15 @@ def test_defences(clean, attacked, tmp_path, capsys):
         assert each["map_ratio_delta_points_vs_random_best"] == -35.0
         assert each["map_ratio_delta_points_vs_random_best_ci95"] == [-35.0, -35.0]
         assert each["significant_vs_random_best"] is None  # two blocks
+        assert each["clean_map_loose_kept_percent"] == 100.0
+        assert each["map_loose_ratio_percent"] == 65.0
+        assert each["random_best_map_loose_ratio_percent"] == 100.0
+        assert each["map_loose_ratio_delta_points_vs_random_best"] == -35.0
+        assert each["map_loose_ratio_delta_points_vs_random_best_ci95"] == [-35.0, -35.0]
+    (row,) = rows(tmp_path / "report")
+    for kind in ("", "loose_"):
+        of_attack, random = row[f"map_{kind}ratio_percent"], row[f"random_best_map_{kind}ratio_percent"]
+        assert row[f"map_{kind}ratio_delta_points_vs_random_best"] == of_attack - random
     # in a mirrored world none of the places holds points any more
     assert records["flip"]["map_clean"] == records["flip"]["clean_map_kept_percent"] == 0.0
     assert records["flip"]["map_ratio_percent"] is records["flip"]["random_best_map_ratio_percent"] is None

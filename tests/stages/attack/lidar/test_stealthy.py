@@ -11,6 +11,7 @@ from advpipe.pipeline.adversary.missing_returns import MissingReturnLimit
 from advpipe.pipeline.attack_detection.density import QUANTILE, LossModel
 from advpipe.pipeline.attack_detection.range_image import RangeImage
 from advpipe.pipeline.attack_detection.sensor_geometry import SensorGeometry
+from advpipe.pipeline.attack_detection.voxel_face import AT_FACE_M, face_distance_m
 from advpipe.pipeline.detector.protocol import VoxelGrid
 from advpipe.pipeline.messages.cloud import xyz
 from advpipe.stages.attack.lidar.attach import Attach
@@ -135,3 +136,17 @@ def test_points_spread_in_the_voxels_that_they_enter():
     past_m = np.mod(there[crowded.length_m > 0], 0.1)
     assert (np.minimum(past_m, 0.1 - past_m) < 0.0015).any(axis=1).mean() > 0.9
     assert MIN_DEPTH_M < 0.1
+
+
+@pytest.mark.parametrize("reach_m", [0.03, 0.1])
+def test_points_come_to_faces_no_oftener_than_they_lay_there(reach_m):
+    """Even where their reach ends just behind a face."""
+    draw = np.random.default_rng(7)
+    grid = VoxelGrid((0.0, 0.0, 0.0), (0.1, 0.1, 0.2), (100, 100, 50))
+    start = draw.uniform(1, 9, (30_000, 3)).astype(np.float32)
+    ways = find_crossings(start, grid, reach_m, 0.01, along_ray=True, spread=draw)
+    moves = np.flatnonzero(ways.offset_m.any(axis=1))
+    arrived = (start[ways.point[moves]] + ways.offset_m[moves]).astype(np.float32)
+    before, after = (float((face_distance_m(each, grid) <= AT_FACE_M).mean()) for each in (start, arrived))
+    assert len(moves) > 3_000
+    assert after == pytest.approx(before, abs=4 * np.sqrt(before / len(moves)))

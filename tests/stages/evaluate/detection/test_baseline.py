@@ -122,6 +122,32 @@ def test_random_best_is_the_recipe(attack, tries):
     assert detector.queries <= made.baseline_tries + clean_queries
 
 
+def test_bags_of_equal_budgets_share_random_best():
+    """The detector is asked again only for another budget, goal, attack, or number of tries."""
+    clean, boxes = street(), Boxes(PLACES, LABELS, (), np.zeros((len(PLACES), 3)))
+    detector, drawn = CountingDetector(), {}
+
+    def made(removed=10, tries=4, **record):
+        about = {key: json.dumps(value) if key == "parameters" else value for key, value in record.items()}
+        random = RandomBaselines(Provenance(about), detector, tries, 0, drawn)
+        budget = SpentBudget(removed, 0, np.zeros(0), 0.0, 0.0)
+        before = detector.queries
+        found = dict(random.clouds(clean, boxes, PLACES, budget, 3))["random_best"]
+        alone = RandomBaselines(Provenance(about), PlaceDetector(), tries, 0)
+        assert found.tobytes() == dict(alone.clouds(clean, boxes, PLACES, budget, 3))["random_best"].tobytes()
+        return detector.queries - before
+
+    assert made(recipe="best") > 0
+    assert made(recipe="robust") == 0
+    for other in (
+        {"recipe": "best", "removed": 11},
+        {"recipe": "best", "tries": 5},
+        {"recipe": "best", "attack": "attach"},
+        {"recipe": "best", "parameters": {"goal": "hide"}},
+    ):
+        assert made(**other) > 0
+
+
 def test_more_tries_leave_less():
     """What is left of the detections, over seeds: judged tries beat one draw."""
     left = {1: 0.0, 2: 0.0, 13: 0.0}
