@@ -22,7 +22,7 @@ from advpipe.pipeline.campaigns.sweep.variants import by_seeds, by_steps, steps_
 from advpipe.pipeline.results.row import RANDOM_BEST
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "docs" / "results.md", ROOT / "docs" / "lidar-attacks.md", ROOT / "README.md")
+PAGES = (ROOT / "docs" / "results.md", ROOT / "README.md")
 REPORTS = ROOT / "datasets" / "reports"
 BLOCK = re.compile(r"(<!-- results: (\S+) (\S+) -->\n).*?(<!-- end of results -->)", re.DOTALL)
 
