@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -84,12 +85,12 @@ def hidden_table(cells: Sequence[Cell]) -> Lines:
             )
 
 
-def defences_table(cells: Sequence[Cell]) -> Lines:
+def defences_table(cells: Sequence[Cell], kind: str = "") -> Lines:
     """What is left of the mAP of clean clouds, both under a defence, and the difference to random-best."""
     return _listed_lines(
         *(cells, "defences", "defence", "kept"),
-        lambda record: f"{record['clean_map_kept_percent']:.1f}",
-        _under_defence,
+        lambda record: f"{record[f'clean_map_{kind}kept_percent']:.1f}",
+        partial(_under_defence, kind=kind),
     )
 
 
@@ -190,6 +191,7 @@ TABLES: Mapping[str, Callable[[Sequence[Cell]], Lines]] = {
     "short": short_table,
     "hidden": hidden_table,
     "defences": defences_table,
+    "loose-defences": partial(defences_table, kind="loose_"),
     "checks": checks_table,
     "stealth": stealth_table,
     "ranges": ranges_table,
@@ -295,10 +297,10 @@ def _success(cell: Cell, condition: str) -> dict[str, Mapping[str, Any]]:
     return {each["range"]: each for each in records if each["condition"] == condition}
 
 
-def _under_defence(record: Mapping[str, Any]) -> str:
-    bounds = record["map_ratio_delta_points_vs_random_best_ci95"]
-    points = record["map_ratio_delta_points_vs_random_best"]
-    return f"{record['map_ratio_percent']:.1f} [{_with(points, bounds and tuple(bounds), '+')}]"
+def _under_defence(record: Mapping[str, Any], kind: str) -> str:
+    bounds = record[f"map_{kind}ratio_delta_points_vs_random_best_ci95"]
+    points = record[f"map_{kind}ratio_delta_points_vs_random_best"]
+    return f"{record[f'map_{kind}ratio_percent']:.1f} [{_with(points, bounds and tuple(bounds), '+')}]"
 
 
 def _draws(cell: Cell, key: str) -> Draws:
