@@ -46,6 +46,14 @@ _PRECISION = "average precision (R40)"
 
 Schema = dict[str, Any]
 
+NEWER: Mapping[str, tuple[str, ...]] = {
+    "baselines": (
+        *("map_loose_ratio_percent", "map_loose_ratio_ci95"),
+        *("loose_delta_points", "loose_delta_points_ci95"),
+    )
+}
+"""Keys of records that older reports of this version of the schema lack."""
+
 NUMBER: Schema = {"type": ["number", "null"]}
 INTERVAL: Schema = {"type": ["array", "null"], "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 
@@ -84,7 +92,10 @@ def report_schema() -> Schema:
             DEPRECATED_KEYS: _texts("old keys that are written beside their new ones, by old key"),
             "provenance": _object(ResultsOrigin, optional=("device", "adaptation", "attack_checks")),
             "rows": _list(_row(), "one for each adversarial bag and detector, or for the clean bag alone"),
-            **{key: _list(_object(record), _description(record)) for key, record in lists.items()},
+            **{
+                key: _list(_object(record, NEWER.get(key, ())), _description(record))
+                for key, record in lists.items()
+            },
             "defences": _list(_defence(), _description(DefenceRecord)),
         },
         "required": required,
@@ -118,6 +129,7 @@ def _row() -> Schema:
     """A row is flat: the attack's metrics, and those of each baseline with its name before them."""
     metrics = _properties(CloudMetrics)
     absent = {"map_ratio_reason", *(key for key in metrics if hasattr(CloudMetrics, key))}
+    absent |= {f"map_loose_ratio_delta_points_vs_{PLAIN_BASELINE}{end}" for end in ("", "_ci95")}
     properties = {
         "bag": _described({"type": "string"}, "adversarial bag, or `clean`"),
         "detector": _described({"type": "string"}, "evaluated detector"),
@@ -206,7 +218,7 @@ def _defence() -> Schema:
                 INTERVAL, f"95 % interval of the strict {_PRECISION}"
             ),
         },
-        "required": sorted(about),
+        "required": sorted(about.keys() - {"clean_map_loose_kept_percent"}),
         "additionalProperties": False,
     }
 

@@ -73,8 +73,8 @@ class Bench:
     ) -> Iterator[tuple[Cell, Times]]:
         """Attack and evaluate the cells of some recipes; also the time that each took.
 
-        They are evaluated together, which takes less time than one by one: they share clean clouds and, where
-        their budgets are alike, random-best.
+        They are evaluated together, which takes less time than one by one: they share what is found in clean
+        clouds, and random-best where they spend as much, with the same goal, constraints and number of tries.
         """
         bags = {recipe: self.out / "bags" / f"{recipe}-{budget.name}" for recipe in recipes}
         plan_progress({**{f"attacking: {recipe}": 2 for recipe in recipes}, "evaluating": len(recipes)})
@@ -97,9 +97,9 @@ class Bench:
             )
         share_s = round((time.perf_counter() - begin_s) / len(cells), 1)
         for cell in cells:
-            yield cell, Times(attack_s[cell.recipe], share_s)
             if not self.keep_bags:
                 self.tidy(bags[cell.recipe])
+            yield cell, Times(attack_s[cell.recipe], share_s)
 
     def tidy(self, folder: Path) -> None:
         """Remove a bag, and its parent folder if that is empty then."""

@@ -128,7 +128,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Times:
-    """Wall-clock time that the run which finished a cell took to attack and to evaluate."""
+    """Wall-clock time that the run which finished a cell took to attack and to evaluate.
+
+    Of recipes that were evaluated together, each has an equal share of that time.
+    """
 
     attack_s: float
     evaluate_s: float

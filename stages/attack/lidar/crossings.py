@@ -57,8 +57,8 @@ def find_crossings(
 
     landing_m: how far behind a face a point lands, or on the way back into the middle of a smaller cell.
     along_ray: points move only on their ray from the origin. spread: points on rays land anywhere in the
-    voxel, as it draws, instead of behind its face, and as rarely at a face as they lay there. forbidden:
-    marks excluded places among (K, 3).
+    voxel, as it draws, instead of behind its face, and no more often at a face than they lay before.
+    forbidden: marks excluded places among (K, 3).
     """
     low, size = np.array(grid.low_m), np.array(grid.size_m)
     cells = grid.cells(start)
@@ -88,7 +88,7 @@ def find_crossings(
     there: Bool = (grid.cells(arrived) == targets).all(axis=1) & (grid.keys(targets) >= 0)
     valid = there | stays
     if spread is not None:
-        valid &= stays | _spares_faces(start, arrived, valid & ~stays, grid, spread)
+        valid &= stays | _accepted_at_faces(start, arrived, valid & ~stays, grid, spread)
     if forbidden is not None:
         check = np.flatnonzero(valid & ~stays)
         valid[check[forbidden(arrived[check].astype(np.float64))]] = False
@@ -105,17 +105,20 @@ def find_crossings(
     )
 
 
-def _spares_faces(
+def _accepted_at_faces(
     start: Float32, arrived: Float32, moved: Bool, grid: VoxelGrid, rng: np.random.Generator
 ) -> Bool:
-    """Marks the places (L, 3), all but as many of those at faces that `moved` ones lie there as often as the
-    points (P, 3) do: many reach no farther into a voxel than its face, and would crowd there."""
+    """Accepts landing places (L, 3) at voxel faces with the probability at which as large a share of those
+    that `moved` lies there as of the points (P, 3); all others always.
+
+    Where the reach of a point ends just behind a face, its places crowd there.
+    """
     at_face = face_distance_m(arrived, grid) <= AT_FACE_M
     before = float((face_distance_m(start, grid) <= AT_FACE_M).mean()) if len(start) else 0.0
     after = float(at_face[moved].mean()) if moved.any() else 0.0
-    chance = before * (1 - after) / max(after * (1 - before), 1e-9)
-    spared: Bool = ~at_face | (rng.random(len(at_face)) < chance)
-    return spared
+    chance = 1.0 if after <= before else before * (1 - after) / (after * (1 - before))
+    accepted: Bool = ~at_face | (rng.random(len(at_face)) < chance)
+    return accepted
 
 
 def _unit(place: Float64) -> Float64:

@@ -134,7 +134,7 @@ class RandomBaselines:
             bool(budget.intensity_changed),
         )
         constraints = attack_constraints(self.provenance)
-        key = attack, spent, constraints, self.tries
+        key = attack, spent, repr(constraints), self.tries  # a user's own attack may have lists among them
         if key not in self.drawn:
             self.drawn[key] = random_best(
                 clean, boxes, self.detector, constraints, spent, tries=self.tries, rng=rng

@@ -203,12 +203,14 @@ def test_two_seeds(clean: Path, tmp_path: Path) -> None:
 
 def test_recipes_evaluated_together_have_the_figures_of_each_alone(clean: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run(clean, out, ["detach-1"], recipes="best,random-near", frames="::6", defences=["flip"])
+    asked = {"frames": "::4", "defences": ["flip"], "detect_attacks": ["voxel-face"]}
+    recipes = ["best", "hide", "paper", "random-near"]
+    run(clean, out, ["detach-1"], recipes=",".join(recipes), **asked)
     together = {cell.recipe: cell for cell in Store(out).cells()}
-    assert list(together) == ["best", "random-near"]
+    assert sorted(together) == recipes
     assert not (out / "bags").exists()
     for recipe, cell in together.items():
-        run(clean, tmp_path / recipe, ["detach-1"], recipes=recipe, frames="::6", defences=["flip"])
+        run(clean, tmp_path / recipe, ["detach-1"], recipes=recipe, **asked)
         (alone,) = Store(tmp_path / recipe).cells()
         assert alone == cell
 

@@ -143,7 +143,14 @@ def test_bags_of_equal_budgets_share_random_best():
         {"recipe": "best", "removed": 11},
         {"recipe": "best", "tries": 5},
         {"recipe": "best", "attack": "attach"},
-        {"recipe": "best", "parameters": {"goal": "hide"}},
+        {"recipe": "hide"},
+        {"recipe": "best", "parameters": {"truth": "detections"}},
+        {"recipe": "best", "parameters": {"objects": ["0"]}},
+        {"recipe": "best", "parameters": {"max_points": 5}},
+        {"recipe": "best", "parameters": {"near_objects_m": 0.1}},
+        {"recipe": "best", "parameters": {"along_ray": True}},
+        {"recipe": "best", "parameters": {"keep_occlusion_order": True}},
+        {"recipe": "best", "parameters": {"intensity": [0.1, 0.5]}},  # of a user's own attack
     ):
         assert made(**other) > 0
 
