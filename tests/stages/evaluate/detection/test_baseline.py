@@ -124,7 +124,8 @@ def test_random_best_is_the_recipe(attack, tries):
 
 def test_bags_of_equal_budgets_share_random_best():
     """The detector is asked again only for another budget, goal, attack, or number of tries."""
-    clean, boxes = street(), Boxes(PLACES, LABELS, (), np.zeros((len(PLACES), 3)))
+    clean, ids = street(), tuple(map(str, range(len(PLACES))))
+    boxes = Boxes(PLACES, LABELS, ids, np.zeros((len(PLACES), 3)))
     detector, drawn = CountingDetector(), {}
 
     def made(removed=10, tries=4, **record):
