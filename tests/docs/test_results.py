@@ -45,3 +45,21 @@ def test_robust_is_stronger_than_chance_under_every_defence() -> None:
     assert [
         each["defence"].partition(":")[0] for each in of_best if not each["significant_vs_random_best"]
     ] == ["quantise", "jitter", "shift"]
+
+
+def test_what_the_page_says_of_todays_cells() -> None:
+    cells = {cell.name: cell for cell in make_results.Store(make_results.REPORTS / "town06-anew").cells()}
+    below = "map_loose_ratio_delta_points_vs_random_best_ci95"
+    for name in (name for name in cells if name.startswith("robust")):
+        records = cells[name].listed["defences"]
+        assert all(each["significant_vs_random_best"] for each in records)
+        assert [each["defence"] for each in records if each[below][1] >= 0] == ["outliers:k=2,sigmas=1.1"]
+    for name in (name for name in cells if name.startswith("stealthy")):
+        for each in cells[name].listed["attack_detection"]:
+            assert each["true_positive_percent"] <= each["false_positive_percent"] + 1
+    paper, best = cells["paper-detach-1"], cells["best-detach-1"]
+    random = paper.row.baselines["random_best"]
+    assert (random.map_ratio_delta_points_ci95 or (0, 0))[0] > 0
+    assert (random.map_loose_ratio_delta_points_ci95 or (0, 0))[1] < 0
+    times = paper.attacked.chamfer_distance_m2 / best.attacked.chamfer_distance_m2
+    assert 25 < times < 35
