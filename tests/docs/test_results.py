@@ -53,7 +53,8 @@ def test_what_the_page_says_of_todays_cells() -> None:
     for name in (name for name in cells if name.startswith("robust")):
         records = cells[name].listed["defences"]
         assert all(each["significant_vs_random_best"] for each in records)
-        assert [each["defence"] for each in records if each[below][1] >= 0] == ["outliers:k=2,sigmas=1.1"]
+        not_below = [each["defence"] for each in records if each[below][1] >= 0]
+        assert not_below == (["outliers:k=2,sigmas=1.1"] if "detach" in name else [])
     for name in (name for name in cells if name.startswith("stealthy")):
         for each in cells[name].listed["attack_detection"]:
             assert each["true_positive_percent"] <= each["false_positive_percent"] + 1
